@@ -1,0 +1,1 @@
+"""Everything that perceives, remembers, understands and acts."""

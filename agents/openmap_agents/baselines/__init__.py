@@ -1,0 +1,1 @@
+"""Agents to compare with: they bound the OpenMap agent from below and above."""

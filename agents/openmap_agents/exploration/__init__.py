@@ -1,0 +1,1 @@
+"""Occupancy from depth, frontiers, a local planner."""

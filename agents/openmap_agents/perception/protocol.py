@@ -1,0 +1,69 @@
+"""The two protocols of perception: which pixels are one thing, and what does a thing look like in the space of words.
+
+``T_world_camera`` may be in any right-handed frame with Y up (the agent gives the episode frame): perception may use gravity
+and the height above the lowest thing seen, and nothing else of the world.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from openmap_scenes import PinholeCamera
+
+
+@dataclass(frozen=True)
+class Masks:
+    """Disjoint, class-agnostic masks of one picture.
+
+    Parameters
+    ----------
+    labels : (H, W) int32
+        0 = no mask, 1..n = mask of that number.
+    scores : (n,) float32
+        How sure it is that mask i+1 is one whole thing, 0..1.
+    """
+
+    labels: npt.NDArray[np.int32]
+    scores: npt.NDArray[np.float32]
+
+    def __len__(self) -> int:
+        return len(self.scores)
+
+
+class Segmenter(Protocol):
+    """Picture -> masks."""
+
+    def segment(
+        self,
+        rgb: npt.NDArray[np.uint8],
+        depth: npt.NDArray[np.float32],
+        T_world_camera: npt.NDArray[np.floating],
+        camera: PinholeCamera,
+    ) -> Masks:
+        """Masks of a picture rgb (H, W, 3) uint8 with planar depth (H, W) float32 m."""
+        ...
+
+
+class Encoder(Protocol):
+    """Words and regions -> one space of D dimensions, in which the cosine says how well they fit."""
+
+    dim: int
+
+    def encode_text(self, texts: list[str]) -> npt.NDArray[np.float32]:
+        """Unit vectors (n, D) float32."""
+        ...
+
+    def encode_regions(
+        self,
+        rgb: npt.NDArray[np.uint8],
+        depth: npt.NDArray[np.float32],
+        masks: Masks,
+        T_world_camera: npt.NDArray[np.floating],
+        camera: PinholeCamera,
+    ) -> npt.NDArray[np.float32]:
+        """Unit vectors (n, D) float32, one for each mask 1..n of the picture, in that order."""
+        ...

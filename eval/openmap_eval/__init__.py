@@ -1,0 +1,1 @@
+"""Runs agents over episodes; records, metrics, reports, the command line."""

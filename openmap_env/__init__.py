@@ -1,0 +1,1 @@
+"""A Gymnasium environment for instruction grounding in indoor meshes."""

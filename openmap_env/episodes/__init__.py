@@ -1,0 +1,1 @@
+"""Episodes, their readers and the generator of instructions."""

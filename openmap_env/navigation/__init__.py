@@ -1,0 +1,1 @@
+"""Where a body can stand and walk: the navigable surface, geodesic distance, shortest paths."""

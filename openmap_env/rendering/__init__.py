@@ -1,0 +1,1 @@
+"""Three backends behind one protocol."""
