@@ -11,6 +11,10 @@ import numpy.typing as npt
 from openmap_scenes import PinholeCamera, Scene
 
 
+class RendererUnavailableError(RuntimeError):
+    """A backend cannot run on this machine; the message names what is missing and the package that brings it."""
+
+
 @dataclass(frozen=True)
 class Frame:
     """What one camera pose sees.

@@ -1,0 +1,194 @@
+"""Off-screen OpenGL contexts for moderngl: EGL where it works, else OSMesa.
+
+A context is current only inside ``with gl.current():``. Outside, no context is: EGL and OSMesa keep separate ideas of what is
+current, and one that stays bound would receive the calls meant for the other. So any number of renderers, of this backend or
+of pyrender's, live side by side in one process and thread.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import ctypes.util
+import logging
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any, Literal
+
+import glcontext  # type: ignore[import-untyped]
+import moderngl
+
+from openmap_env.rendering.protocol import RendererUnavailableError
+
+logger = logging.getLogger(__name__)
+
+Platform = Literal["auto", "egl", "osmesa"]
+PLATFORM_VARIABLE = "OPENMAP_GL"
+"""Environment variable that forces ``egl`` or ``osmesa`` where the caller left the choice open."""
+
+# From GL/osmesa.h.
+_OSMESA_FORMAT, _OSMESA_RGBA = 0x22, 0x1908
+_OSMESA_DEPTH_BITS = 0x30
+_OSMESA_PROFILE, _OSMESA_CORE_PROFILE = 0x33, 0x34
+_OSMESA_CONTEXT_MAJOR_VERSION, _OSMESA_CONTEXT_MINOR_VERSION = 0x36, 0x37
+_GL_UNSIGNED_BYTE = 0x1401
+
+
+def osmesa_library() -> ctypes.CDLL:
+    """Mesa's off-screen library; RendererUnavailableError, naming the Debian package, where there is none."""
+    name = ctypes.util.find_library("OSMesa") or "libOSMesa.so.8"
+    try:
+        library = ctypes.CDLL(name, mode=ctypes.RTLD_GLOBAL)
+    except OSError as error:
+        raise RendererUnavailableError(
+            f"OSMesa: found no {name} ({error}), expected Mesa's off-screen library. "
+            "Install it (Debian: apt install libosmesa6), or use EGL (libegl1) or the raycast renderer."
+        ) from error
+    library.OSMesaCreateContextAttribs.argtypes = [ctypes.POINTER(ctypes.c_int), ctypes.c_void_p]
+    library.OSMesaCreateContextAttribs.restype = ctypes.c_void_p
+    library.OSMesaMakeCurrent.argtypes = [ctypes.c_void_p, ctypes.c_void_p, ctypes.c_uint, ctypes.c_int, ctypes.c_int]
+    library.OSMesaMakeCurrent.restype = ctypes.c_ubyte
+    library.OSMesaDestroyContext.argtypes = [ctypes.c_void_p]
+    library.OSMesaDestroyContext.restype = None
+    library.OSMesaGetProcAddress.argtypes = [ctypes.c_char_p]
+    library.OSMesaGetProcAddress.restype = ctypes.c_void_p
+    return library
+
+
+class OSMesaContext:
+    """An OSMesa context in the shape that moderngl expects of a ``glcontext``: it loads functions and enters and leaves.
+
+    Drawing goes to frame buffer objects, so the context's own buffer is a single pixel.
+    """
+
+    def __init__(self, major: int = 3, minor: int = 3) -> None:
+        self._library = osmesa_library()
+        attributes = (
+            *(_OSMESA_FORMAT, _OSMESA_RGBA, _OSMESA_DEPTH_BITS, 24, _OSMESA_PROFILE, _OSMESA_CORE_PROFILE),
+            *(_OSMESA_CONTEXT_MAJOR_VERSION, major, _OSMESA_CONTEXT_MINOR_VERSION, minor, 0),
+        )
+        array = (ctypes.c_int * len(attributes))(*attributes)
+        self._handle: int | None = self._library.OSMesaCreateContextAttribs(array, None)
+        if not self._handle:
+            raise RendererUnavailableError(
+                f"OSMesa: found no OpenGL {major}.{minor} core context, expected one. Install a newer libosmesa6."
+            )
+        self._pixel = (ctypes.c_ubyte * 4)()
+
+    def load_opengl_function(self, name: str) -> int:
+        """Address of an OpenGL function, 0 where there is none."""
+        return self._library.OSMesaGetProcAddress(name.encode()) or 0
+
+    def __enter__(self) -> OSMesaContext:
+        if not self._library.OSMesaMakeCurrent(self._handle, self._pixel, _GL_UNSIGNED_BYTE, 1, 1):
+            raise RuntimeError("OSMesa did not make its context current")
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._library.OSMesaMakeCurrent(None, None, _GL_UNSIGNED_BYTE, 0, 0)
+
+    def release(self) -> None:
+        """Destroy the context; again is harmless."""
+        if self._handle is not None:
+            self._library.OSMesaDestroyContext(self._handle)
+            self._handle = None
+
+
+class EGLContext:
+    """glcontext's EGL context, except that it is really let go of on leaving.
+
+    glcontext's own exit puts back what was current before, which after creation is the context itself.
+    """
+
+    def __init__(self, version: int = 330) -> None:
+        self._context = glcontext.get_backend_by_name("egl")(mode="standalone", glversion=version)
+        self._egl = ctypes.CDLL(ctypes.util.find_library("EGL") or "libEGL.so.1")
+        self._egl.eglGetCurrentDisplay.restype = ctypes.c_void_p
+        self._egl.eglMakeCurrent.argtypes = [ctypes.c_void_p] * 4
+        self._display = self._egl.eglGetCurrentDisplay()
+        self.__exit__()
+
+    def load_opengl_function(self, name: str) -> int:
+        """Address of an OpenGL function, 0 where there is none."""
+        return int(self._context.load_opengl_function(name))
+
+    def __enter__(self) -> EGLContext:
+        self._context.__enter__()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._egl.eglMakeCurrent(self._display, None, None, None)
+
+    def release(self) -> None:
+        """Destroy the context."""
+        self._context.release()
+
+
+class GLContext:
+    """A moderngl context of its own and the platform that it runs on.
+
+    Attributes
+    ----------
+    gl : moderngl.Context
+    platform : str
+        ``egl`` or ``osmesa``.
+    """
+
+    def __init__(self, gl: Any, platform: str) -> None:
+        self.gl, self.platform = gl, platform
+        self._open = True
+
+    @contextmanager
+    def current(self) -> Iterator[Any]:
+        """Make the context current for the block; RuntimeError once it is closed."""
+        if not self._open:
+            raise RuntimeError("the renderer is closed; make a new one")
+        with self.gl:
+            yield self.gl
+
+    def close(self) -> None:
+        """Free everything that was made in the context, then the context itself; again is harmless."""
+        if self._open:
+            self._open = False
+            with self.gl:
+                self.gl.gc()
+            self.gl.release()
+
+
+def open_context(platform: Platform = "auto") -> GLContext:
+    """Open an off-screen OpenGL 3.3 context and log its platform and device in one line.
+
+    Parameters
+    ----------
+    platform : {"auto", "egl", "osmesa"}
+        ``auto`` follows the environment variable ``OPENMAP_GL`` if it is set, else takes EGL, else OSMesa.
+
+    Raises
+    ------
+    RendererUnavailableError
+        Neither, or not the one asked for, works on this machine.
+    ValueError
+        The platform has no such name.
+    """
+    chosen = os.environ.get(PLATFORM_VARIABLE, "auto") if platform == "auto" else platform
+    kinds: dict[str, Any] = {"egl": EGLContext, "osmesa": OSMesaContext}
+    if chosen not in (*kinds, "auto"):
+        raise ValueError(f"OpenGL platform is {chosen!r}, expected auto, egl or osmesa ({PLATFORM_VARIABLE} sets it)")
+    failures = []
+    for name in ("egl", "osmesa") if chosen == "auto" else (chosen,):
+        try:
+            context = kinds[name]()
+            with context:
+                gl = moderngl.create_context(standalone=True, context=context, require=330)
+        except Exception as error:  # moderngl raises bare Exception and ValueError for a missing driver
+            failures.append(f"{name}: {error}")
+            continue
+        opened = GLContext(gl, name)
+        with opened.current():
+            gl.gc_mode = "context_gc"
+            logger.info("OpenGL on %s: %s", name, gl.info["GL_RENDERER"])
+        return opened
+    raise RendererUnavailableError(
+        f"OpenGL: found no working context ({'; '.join(failures)}), expected EGL or OSMesa. "
+        "Install one (Debian: apt install libegl1 libegl-mesa0, or libosmesa6), or use the raycast renderer."
+    )
