@@ -58,29 +58,33 @@ def osmesa_library() -> ctypes.CDLL:
 class OSMesaContext:
     """An OSMesa context in the shape that moderngl expects of a ``glcontext``: it loads functions and enters and leaves.
 
-    Drawing goes to frame buffer objects, so the context's own buffer is a single pixel.
+    Parameters
+    ----------
+    width, height : int
+        Size of its own buffer; one pixel does where frame buffer objects are drawn to.
     """
 
-    def __init__(self, major: int = 3, minor: int = 3) -> None:
+    def __init__(self, width: int = 1, height: int = 1) -> None:
         self._library = osmesa_library()
         attributes = (
             *(_OSMESA_FORMAT, _OSMESA_RGBA, _OSMESA_DEPTH_BITS, 24, _OSMESA_PROFILE, _OSMESA_CORE_PROFILE),
-            *(_OSMESA_CONTEXT_MAJOR_VERSION, major, _OSMESA_CONTEXT_MINOR_VERSION, minor, 0),
+            *(_OSMESA_CONTEXT_MAJOR_VERSION, 3, _OSMESA_CONTEXT_MINOR_VERSION, 3, 0),
         )
         array = (ctypes.c_int * len(attributes))(*attributes)
-        self._handle: int | None = self._library.OSMesaCreateContextAttribs(array, None)
-        if not self._handle:
+        self.address: int = self._library.OSMesaCreateContextAttribs(array, None) or 0
+        if not self.address:
             raise RendererUnavailableError(
-                f"OSMesa: found no OpenGL {major}.{minor} core context, expected one. Install a newer libosmesa6."
+                "OSMesa: found no OpenGL 3.3 core context, expected one. Install a newer libosmesa6."
             )
-        self._pixel = (ctypes.c_ubyte * 4)()
+        self._size = (width, height)
+        self._pixels = (ctypes.c_ubyte * (4 * width * height))()
 
     def load_opengl_function(self, name: str) -> int:
         """Address of an OpenGL function, 0 where there is none."""
         return self._library.OSMesaGetProcAddress(name.encode()) or 0
 
     def __enter__(self) -> OSMesaContext:
-        if not self._library.OSMesaMakeCurrent(self._handle, self._pixel, _GL_UNSIGNED_BYTE, 1, 1):
+        if not self._library.OSMesaMakeCurrent(self.address, self._pixels, _GL_UNSIGNED_BYTE, *self._size):
             raise RuntimeError("OSMesa did not make its context current")
         return self
 
@@ -89,9 +93,9 @@ class OSMesaContext:
 
     def release(self) -> None:
         """Destroy the context; again is harmless."""
-        if self._handle is not None:
-            self._library.OSMesaDestroyContext(self._handle)
-            self._handle = None
+        if self.address:
+            self._library.OSMesaDestroyContext(self.address)
+            self.address = 0
 
 
 class EGLContext:

@@ -7,6 +7,7 @@ not by material.
 
 from __future__ import annotations
 
+import weakref
 from typing import Any
 
 import moderngl
@@ -111,6 +112,8 @@ class OpenGLRenderer:
         self._batches = split_into_batches(scene.vertices, scene.faces, groups[scene.face_material], _FACES_PER_BATCH)
         vertices, indices = _vertex_buffer(scene, self._batches, layers)
         self._context = open_context(platform)
+        # Also runs when the renderer is forgotten, or at exit, while the libraries are still whole.
+        self._release = weakref.finalize(self, self._context.close)
         self.platform = self._context.platform
         with self._context.current() as gl:
             self._program = gl.program(vertex_shader=_VERTEX_SHADER, fragment_shader=_FRAGMENT_SHADER)
@@ -158,11 +161,7 @@ class OpenGLRenderer:
 
     def close(self) -> None:
         """Give back the graphics context; closing twice is harmless."""
-        self._context.close()
-
-    def __del__(self) -> None:
-        if hasattr(self, "_context"):
-            self._context.close()
+        self._release()
 
 
 def _pictures(scene: Scene) -> list[npt.NDArray[np.uint8]]:
