@@ -4,6 +4,7 @@
   compiles a program that is never freed. Here a context is named by its address.
 - pyrender culls back faces in its segmentation pass whatever the material says, so ids would disagree with colours on scans.
 - It walks over every mesh of the scene for every pass; here only over what the frustum holds, nearest first.
+- It uploads textures without saying that their rows are not padded to four bytes, which shears those of odd widths.
 - What it reads back are read-only flipped views; here they are copied.
 """
 
@@ -185,7 +186,10 @@ def _renderer_class(pyrender: Any) -> Any:
     from OpenGL import GL
 
     class CorrectedRenderer(pyrender.Renderer):  # type: ignore[misc]
-        visible_nodes: tuple[Any, ...] | list[Any] = ()
+        def __init__(self, width: int, height: int) -> None:
+            super().__init__(width, height)
+            self.visible_nodes: list[Any] = []
+            GL.glPixelStorei(GL.GL_UNPACK_ALIGNMENT, 1)
 
         def _update_context(self, scene: Any, flags: int) -> None:
             if not self._meshes:  # the scene never changes
