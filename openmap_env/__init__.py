@@ -1,1 +1,13 @@
-"""A Gymnasium environment for instruction grounding in indoor meshes."""
+"""A Gymnasium environment for instruction grounding in indoor meshes.
+
+``import openmap_env`` makes ``gymnasium.make("OpenMapNav-v0")`` work, as does ``gymnasium.make("openmap_env:OpenMapNav-v0")``.
+"""
+
+import gymnasium
+
+ENV_ID = "OpenMapNav-v0"
+
+if ENV_ID not in gymnasium.registry:
+    gymnasium.register(id=ENV_ID, entry_point="openmap_env.env:OpenMapNavEnv")
+
+__all__ = ["ENV_ID"]

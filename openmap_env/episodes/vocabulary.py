@@ -1,0 +1,144 @@
+"""What people call things: one kind for the many category words of the data sets, its everyday names, and what it is a sort of.
+
+The tables are hand-written data (``data/kinds.json``). A category word that no table lists is looked up by its head noun ("rattan
+sofa" is a sofa) and, failing that, is a kind of its own.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+
+def load_data(name: str) -> Any:
+    """The contents of a JSON file in ``episodes/data``."""
+    return json.loads(files("openmap_env.episodes").joinpath("data", name).read_text("utf-8"))
+
+
+@dataclass(frozen=True)
+class Vocabulary:
+    """Kinds of things and their names.
+
+    Parameters
+    ----------
+    names : dict
+        Kind -> what people say for it, the kind's own name first.
+    kind_by_word : dict
+        Any listed word, lower case -> kind.
+    parents : dict
+        Kind -> the more general kinds that it also is.
+    no_a : frozenset of str
+        Kinds that take no "a": plurals ("the weights") and what is not counted ("bread").
+    not_heads : frozenset of str
+        Words that do not follow their last word ("guitar case").
+    structure : frozenset of str
+        Categories that nobody asks for: walls, floors, things without a name.
+    room_names : dict
+        A data set's room name -> what people say.
+    unnamed_rooms : frozenset of str
+        Room names that say nothing to a person.
+    """
+
+    names: dict[str, tuple[str, ...]]
+    kind_by_word: dict[str, str]
+    parents: dict[str, tuple[str, ...]]
+    no_a: frozenset[str]
+    not_heads: frozenset[str]
+    structure: frozenset[str]
+    room_names: dict[str, str]
+    unnamed_rooms: frozenset[str]
+
+    def kind(self, category: str) -> str:
+        """The kind of a category word: as listed, else that of its longest listed ending, else the word itself."""
+        word = " ".join(category.lower().replace("_", " ").split())
+        if word in self.kind_by_word:
+            return self.kind_by_word[word]
+        if word in self.not_heads or word in self.structure:
+            return word
+        parts = word.split()
+        for first in range(1, len(parts)):
+            ending = " ".join(parts[first:])
+            if ending in self.not_heads or ending in self.structure:
+                return word
+            if ending in self.kind_by_word:
+                return self.kind_by_word[ending]
+        return word
+
+    def lineage(self, category: str) -> frozenset[str]:
+        """The kind of a category word and every more general kind that it also is."""
+        found = [self.kind(category)]
+        for kind in found:
+            found.extend(parent for parent in self.parents.get(kind, ()) if parent not in found)
+        return frozenset(found)
+
+    def is_a(self, category: str, noun: str) -> bool:
+        """Whether people would call a thing of that category by that noun: an armchair is a chair, a chair no armchair."""
+        return self.kind(noun) in self.lineage(category)
+
+    def is_structure(self, category: str) -> bool:
+        """Whether the category belongs to the building, or says nothing."""
+        word = " ".join(category.lower().replace("_", " ").split())
+        return not word or word in self.structure or category.lower() in self.structure
+
+    def sayable(self, category: str) -> tuple[str, ...]:
+        """What people may say for a thing of that category."""
+        kind = self.kind(category)
+        return self.names.get(kind, (kind,))
+
+    def takes_no_a(self, noun: str) -> bool:
+        """Whether one says "some" of the noun instead of "a"."""
+        kind = self.kind(noun)
+        return kind in self.no_a if kind in self.names else noun.endswith("s") and not noun.endswith("ss")
+
+    def room(self, name: str) -> str | None:
+        """What people call a room, or None if its name says nothing."""
+        word = " ".join(name.lower().replace("_", " ").split())
+        word = self.room_names.get(word, word.split("/")[0].strip())
+        return None if word in self.unnamed_rooms else self.room_names.get(word, word)
+
+
+@cache
+def vocabulary() -> Vocabulary:
+    """The vocabulary of ``data/kinds.json``."""
+    data = load_data("kinds.json")
+    kinds: dict[str, dict[str, Any]] = data["kinds"]
+    kind_by_word = {
+        word.lower().replace("_", " "): kind
+        for kind, entry in kinds.items()
+        for word in [*entry.get("also", []), *entry["say"]]
+    }
+    return Vocabulary(
+        names={kind: tuple(entry["say"]) for kind, entry in kinds.items()},
+        kind_by_word=kind_by_word,
+        parents={kind: tuple(entry.get("is_a", ())) for kind, entry in kinds.items()},
+        no_a=frozenset(kind for kind, entry in kinds.items() if entry.get("no_a")),
+        not_heads=frozenset(data["head_noun_exceptions"]),
+        structure=frozenset(data["structure"]),
+        room_names=data["rooms"],
+        unnamed_rooms=frozenset(data["unsayable_rooms"]),
+    )
+
+
+@dataclass(frozen=True)
+class Need:
+    """Something people want, and the kinds of things that serve it."""
+
+    name: str
+    sentences: tuple[str, ...]
+    served_by: tuple[str, ...]
+
+    def serves(self, category: str) -> bool:
+        """Whether a thing of that category serves the need."""
+        return not vocabulary().lineage(category).isdisjoint(self.served_by)
+
+
+@cache
+def needs() -> tuple[Need, ...]:
+    """The table of needs, ``data/needs.json``."""
+    return tuple(
+        Need(name, tuple(entry["sentences"]), tuple(entry["served_by"]))
+        for name, entry in load_data("needs.json").items()
+    )
