@@ -1,0 +1,275 @@
+"""The built-in interpreter: an instruction in plain English -> ``Description``, without a language model.
+
+An instruction is cut into clauses, each clause is known by the verb it begins with (``data/lexicon.json``): it
+leaves, passes, approaches, stops, looks for something, or states a need. A walk's target is what its last stopping
+clause names ("it" is the thing named before); a need is handed on as a sentence, to be matched with what things are
+for (``affordances.py``).
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from openmap_agents.grounding.description import Description, RouteClause, Thing
+from openmap_agents.grounding.lexicon import Lexicon, leading, load_lexicon, normalised, words_of
+from openmap_agents.grounding.noun_phrases import NounPhrases
+
+Motion = Literal["goal", "approach", "stop", "pass", "leave", "turn", "need", "bare"]
+
+_NEED_STATE = re.compile(
+    r"^(?:my|the|our) (?:(?!that |which |who ).)*\b(?:is|are|has|have|feels?|hurts?|smells?|needs?|won't|doesn't|can't|got|ran)\b"
+)
+
+
+@dataclass(frozen=True)
+class _Clause:
+    motion: Motion
+    rest: str
+    text: str
+
+
+class Interpreter:
+    """Rules over a lexicon; stateless and deterministic."""
+
+    def __init__(self, lexicon: Lexicon | None = None) -> None:
+        self.lexicon = lexicon or load_lexicon()
+        self.nouns = NounPhrases(self.lexicon)
+        words = self.lexicon.words
+        self._verbs: dict[Motion, frozenset[str]] = {
+            "stop": frozenset(words["stop_verbs"]),
+            "leave": frozenset(words["leave_verbs"]),
+            "pass": frozenset(words["pass_verbs"]),
+            "turn": frozenset(words["turn_verbs"]),
+            "need": frozenset(words["need_markers"]),
+            "goal": frozenset(words["goal_verbs"]),
+            "approach": frozenset(words["approach_verbs"]),
+        }
+        self._connectives = frozenset(words["connectives"])
+        self._polite = frozenset(words["polite"])
+        self._places = frozenset(words["place_words"])
+        self._prepositions = self.nouns.relation_phrases | {
+            "to",
+            "towards",
+            "toward",
+            "of",
+            "from",
+            "when",
+            "once",
+            "you",
+            "me",
+            "for",
+        }
+        self._pronouns = frozenset(words["pronouns"])
+
+    def parse(self, instruction: str) -> Description:
+        """What the instruction asks for; never raises, an instruction without a thing gives a description without a target."""
+        clauses = self._clauses(normalised(instruction))
+        if (
+            any(c.motion == "stop" for c in clauses)
+            or sum(c.motion in ("leave", "pass", "turn", "approach") for c in clauses) > 1
+        ):
+            return self._walk(clauses)
+        return self._wish(clauses)
+
+    # clauses -----------------------------------------------------------------------------------------------------------
+
+    def _clauses(self, text: str) -> list[_Clause]:
+        clauses: list[_Clause] = []
+        for sentence in re.split(r"[.!?;:]+", text):
+            begins = True
+            for piece in self._pieces(sentence):
+                clause = self._clause(piece)
+                continues = clause.motion == "bare" and not begins
+                if continues and clauses:
+                    last = clauses[-1]
+                    clauses[-1] = replace(last, rest=f"{last.rest} {piece}".strip(), text=f"{last.text}, {piece}")
+                elif clause.text:
+                    clauses.append(clause)
+                begins = False
+        return clauses
+
+    def _pieces(self, sentence: str) -> list[str]:
+        """Cut at commas, and at connectives that a verb follows."""
+        pieces: list[str] = []
+        for part in sentence.split(","):
+            words = words_of(part)
+            start = 0
+            for at in range(1, len(words)):
+                if (
+                    words[at] in self._connectives
+                    and words[at - 1] not in self._connectives
+                    and self._verb_follows(words, at)
+                ):
+                    pieces.append(" ".join(words[start:at]))
+                    start = at
+            pieces.append(" ".join(words[start:]))
+        return [piece for piece in pieces if piece]
+
+    def _verb_follows(self, words: list[str], at: int) -> bool:
+        if leading(words, self.nouns.relation_phrases, at) > 1:
+            return False
+        if any(leading(words, phrases, at) > 1 for phrases in self._verbs.values()):
+            return True
+        while at < len(words) and words[at] in self._connectives:
+            at += 1
+        return any(leading(words, phrases, at) for motion, phrases in self._verbs.items()) and not self._is_relation(
+            words, at
+        )
+
+    def _is_relation(self, words: list[str], at: int) -> bool:
+        """ "... and in the bedroom" goes on with the noun phrase; "... and into the bedroom" with the walk."""
+        return words[at] not in ("into", "through", "past") and leading(words, self.nouns.relation_phrases, at) > 0
+
+    def _clause(self, piece: str) -> _Clause:
+        words = self._without_courtesy(words_of(piece))
+        while (
+            words
+            and words[0] in self._connectives
+            and not leading(words, self.nouns.relation_phrases)
+            and not any(leading(words, p) > 1 for p in self._verbs.values())
+        ):
+            words = self._without_courtesy(words[1:])
+        best: tuple[int, Motion] = (0, "bare")
+        for motion, phrases in self._verbs.items():
+            length = leading(words, phrases)
+            if length > best[0]:
+                best = (length, motion)
+        length, motion = best
+        if motion == "need" and length == 1 and words[0] == "my" and not _NEED_STATE.match(" ".join(words)):
+            motion, length = "bare", 0
+        if motion == "bare" and _NEED_STATE.match(" ".join(words)):
+            motion = "need"
+        rest = words if motion == "need" else words[length:]
+        return _Clause(motion, " ".join(rest), " ".join(words))
+
+    def _without_courtesy(self, words: list[str]) -> list[str]:
+        changed = True
+        while changed and words:
+            changed = False
+            length = leading(words, self._polite)
+            if length:
+                words, changed = words[length:], True
+            for size in (1, 2, 3):
+                if len(words) > size and " ".join(words[-size:]) in self._polite:
+                    words, changed = words[:-size], True
+        return words
+
+    # walks -------------------------------------------------------------------------------------------------------------
+
+    def _walk(self, clauses: list[_Clause]) -> Description:
+        route: list[RouteClause] = []
+        target: Thing | None = None
+        last_room: str | None = None
+        needs: list[str] = []
+        for clause in clauses:
+            if clause.motion == "need":
+                needs.append(clause.text)
+                continue
+            if clause.motion == "turn" and not clause.rest:
+                continue
+            thing = self._named(clause.rest)
+            room = self.lexicon.room_of(self._stripped(clause.rest))
+            if room is not None:
+                route.append(RouteClause(_leg(clause.motion), room=room))
+                last_room = None if clause.motion == "leave" else room
+                if clause.motion in ("stop", "approach") and clause is clauses[-1]:
+                    target = Thing(phrase="", room=room)
+                continue
+            if thing is None:
+                continue
+            if thing.room and clause.motion != "leave":
+                last_room = thing.room
+            if clause.motion in ("stop", "approach", "goal", "bare"):
+                target = thing if thing.room or thing.not_room else replace(thing, room=last_room)
+            route.append(RouteClause(_leg(clause.motion), thing=thing))
+        if target is None:
+            named = [leg.thing for leg in route if leg.thing is not None]
+            target = named[-1] if named else (Thing(phrase="", room=last_room) if last_room else None)
+        legs = tuple(leg for leg in route if leg.thing is None or target is None or leg.thing.phrase != target.phrase)
+        return Description(
+            kind="language_guided", target=target, needs=tuple(needs) if target is None else (), route=legs
+        )
+
+    def _named(self, rest: str) -> Thing | None:
+        """The thing that a clause's remainder names; None for a pronoun or nothing."""
+        text = self._stripped(rest)
+        if not text or text.split()[0] in self._pronouns:
+            return None
+        thing = self.nouns.parse(text)
+        return thing if thing.queries or thing.colour else None
+
+    def _stripped(self, rest: str) -> str:
+        """Without the prepositions, adverbs and verbs before the noun phrase: "when you reach the sink" -> "the sink"."""
+        words = rest.split()
+        skippable = (
+            self._verbs["approach"] | self._verbs["goal"] | self._prepositions | self._connectives | self._polite
+        )
+        skippable |= {
+            "right",
+            "straight",
+            "directly",
+            "are",
+            "can",
+            "get",
+            "up",
+            "down",
+            "out",
+            "it and",
+            "it",
+            "is",
+            "ahead",
+        }
+        while words and (length := leading(words, frozenset(skippable))):
+            if length == len(words) and words[-1] in self._pronouns:
+                return words[-1]
+            words = words[length:]
+        return " ".join(words)
+
+    # wishes ------------------------------------------------------------------------------------------------------------
+
+    def _wish(self, clauses: list[_Clause]) -> Description:
+        target: Thing | None = None
+        needs: list[str] = []
+        for clause in clauses:
+            thing = None if clause.motion == "need" or self._asks_for_use(clause.rest) else self._wanted(clause)
+            if thing is None:
+                if clause.text:
+                    needs.append(clause.text)
+            elif target is None:
+                target = thing
+        if target is not None:
+            return Description(kind="demand" if needs else "object_goal", target=target, needs=tuple(needs))
+        return Description(kind="demand", needs=tuple(needs))
+
+    def _asks_for_use(self, rest: str) -> bool:
+        """ "something to drink", "somewhere I can sit": described by its use alone."""
+        words = [w for w in rest.split() if w not in ("me", "us", "a", "an", "the", "some", "good", "nice")]
+        return (
+            bool(words) and words[0] in self._places and len(words) > 1 and words[1] not in self.nouns.relation_phrases
+        )
+
+    def _wanted(self, clause: _Clause) -> Thing | None:
+        text = self._stripped(clause.rest)
+        if not text:
+            return None
+        thing = self.nouns.parse(text)
+        verb = clause.text[: len(clause.text) - len(clause.rest)].strip()
+        if not thing.queries:
+            return thing if thing.colour or thing.relations or thing.room or thing.superlative else None
+        # "I want a drink": what is wanted is no thing that a home holds, so it is a need.
+        wishful = verb.endswith(("need", "want", "like", "give me", "get", "bring me"))
+        if (
+            wishful
+            and self.lexicon.name_of(thing.phrase.split()[-1]) is None
+            and self.lexicon.name_of(thing.phrase) is None
+        ):
+            return None
+        return thing
+
+
+def _leg(motion: Motion) -> Literal["leave", "pass", "approach"]:
+    if motion == "leave":
+        return "leave"
+    return "pass" if motion in ("pass", "turn") else "approach"
