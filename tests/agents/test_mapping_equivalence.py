@@ -1,0 +1,180 @@
+"""The online map is what the plain reference gives, whatever the frames."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from PIL import Image
+
+from openmap_agents.mapping import InstanceMap, MappingSettings, OpenMapper, PinholeCamera
+from openmap_agents.mapping.frame import frame_voxels, pack_cells, unpack_keys, voxel_centres
+from openmap_agents.mapping.reference import Frame, ReferenceInstance, frame_sets, reference_map
+
+VOXEL, WIDTH, HEIGHT = 0.05, 14, 10
+# At 2 m a pixel is one voxel wide, so that shifting the camera by voxels shifts the picture by pixels.
+CAMERA = PinholeCamera(WIDTH, HEIGHT, 2.0 / VOXEL, 2.0 / VOXEL, (WIDTH - 1) / 2, (HEIGHT - 1) / 2)
+SMALL = MappingSettings(voxel_size=VOXEL, min_mask_pixels=2, min_mask_voxels=2, min_voxels=2)
+
+
+def look(world: npt.NDArray[np.int32], x: int, y: int) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int32]]:
+    """Depth and true labels of a painted wall (rows, columns) 2 m away, seen from x, y voxels along it; 0 = a hole."""
+    labels = np.zeros((HEIGHT, WIDTH), np.int32)
+    part = world[y : y + HEIGHT, x : x + WIDTH]
+    labels[: part.shape[0], : part.shape[1]] = part
+    return np.where(labels > 0, np.float32(2.0), np.float32(0.0)), labels
+
+
+def pose(x: int, y: int) -> npt.NDArray[np.float64]:
+    T_world_camera = np.eye(4)
+    T_world_camera[:2, 3] = x * VOXEL + 0.013, -y * VOXEL + 0.013
+    return T_world_camera
+
+
+@st.composite
+def walks(draw: st.DrawFn) -> list[Frame]:
+    """Frames of a wall of rectangles, segmented well or badly: merged, split, dropped, eroded, empty, repeated frames, with and
+    without features, many of them alike, so that ties are common."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    n_things, n_frames = draw(st.integers(1, 6)), draw(st.integers(1, 9))
+    noise, dim = draw(st.sampled_from([0.0, 0.15, 0.5])), draw(st.sampled_from([0, 1, 3]))
+    world = np.full((18, 26), 1, np.int32)
+    for thing in range(2, n_things + 2):
+        top, left = rng.integers(0, 14), rng.integers(0, 22)
+        world[top : top + rng.integers(2, 9), left : left + rng.integers(2, 9)] = thing
+    world[rng.random(world.shape) < 0.05] = 0
+    frames: list[Frame] = []
+    for _ in range(n_frames):
+        x, y = int(rng.integers(0, 12)), int(rng.integers(0, 8))
+        depth, true = look(world, x, y)
+        if rng.random() < 0.1:
+            depth = np.zeros_like(depth)
+        labels = true.copy()
+        for thing in range(1, n_things + 2):
+            if rng.random() < noise:
+                kind, here = rng.integers(4), true == thing
+                columns = np.arange(WIDTH)[None, :]
+                if kind == 0:
+                    labels[here] = rng.integers(0, n_things + 2)
+                elif kind == 1:
+                    labels[here & (columns > rng.integers(WIDTH))] = n_things + 1 + thing
+                elif kind == 2:
+                    labels[here & (rng.random(here.shape) < 0.3)] = 0
+                else:
+                    depth = np.where(here, np.float32(rng.choice([1.0, 2.5])), depth)
+        if rng.random() < 0.1:
+            labels[:] = 0
+        features = None
+        if dim and rng.random() < 0.9:
+            features = rng.integers(-1, 3, (int(labels.max(initial=0)) + 2, dim)).astype(np.float32)
+        frames.append((depth, labels, features, pose(x, y)))
+        if rng.random() < 0.2:
+            frames.append(frames[rng.integers(len(frames))])
+    return frames
+
+
+def run(frames: list[Frame], choice: MappingSettings, camera: PinholeCamera = CAMERA) -> InstanceMap:
+    mapper = OpenMapper(camera, choice)
+    for frame in frames:
+        mapper.integrate(*frame)
+    return mapper.finalize()
+
+
+def assert_same(found: InstanceMap, expected: list[ReferenceInstance], choice: MappingSettings) -> None:
+    by_views = {frozenset((int(v[0]), int(v[1])) for v in i.views): i for i in found.instances}
+    assert len(by_views) == len(found.instances)
+    assert set(by_views) == {i.views for i in expected}
+    for instance in expected:
+        points = by_views[instance.views].points
+        keys = np.array(sorted(instance.voxels), np.int64)
+        np.testing.assert_array_equal(points, voxel_centres(keys, choice.voxel_size))
+        feature = by_views[instance.views].feature
+        assert (feature is None) == (instance.feature is None)
+        if feature is not None and instance.feature is not None:
+            np.testing.assert_allclose(feature, instance.feature, atol=1e-6)
+
+
+CHOICES = [
+    SMALL,
+    replace(SMALL, semantics="product"),
+    replace(SMALL, semantics="structural", visibility="depth", min_masks=1),
+    replace(SMALL, visibility="depth", tau_obs=0.5, tau_undersegmented=0.5, detection_ratio=0.3),
+    replace(SMALL, max_views=2, min_novelty=0.3, tau_thres=0.5, tau_structural=0.7, min_mask_voxels=5, tau_overlap=0.5),
+    replace(SMALL, min_masks=1, min_voxels=1, tau_undersegmented=1.0, observer_start=50, top_k=2, split_distance=0.05),
+]
+
+
+@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(frames=walks(), choice=st.sampled_from(CHOICES))
+def test_online_map_equals_the_reference_on_random_walks(frames: list[Frame], choice: MappingSettings) -> None:
+    assert_same(run(frames, choice), reference_map(CAMERA, frames, choice), choice)
+
+
+@settings(max_examples=25, deadline=None)
+@given(frames=walks(), choice=st.sampled_from(CHOICES))
+def test_asking_on_the_way_changes_nothing(frames: list[Frame], choice: MappingSettings) -> None:
+    mapper = OpenMapper(CAMERA, choice)
+    for n, frame in enumerate(frames):
+        mapper.integrate(*frame)
+        assert_same(mapper.instance_map, reference_map(CAMERA, frames[: n + 1], choice), choice)
+
+
+@settings(max_examples=30, deadline=None)
+@given(frames=walks())
+def test_voxels_of_a_frame_equal_the_plain_sets(frames: list[Frame]) -> None:
+    for depth, labels, _, T_world_camera in frames:
+        arguments = np.asarray(depth), np.asarray(labels), CAMERA, np.asarray(T_world_camera), SMALL
+        fast, (seen, sets) = frame_voxels(*arguments), frame_sets(*arguments)
+        assert set(fast.keys.tolist()) == seen
+        assert {
+            int(name): set(fast.keys[fast.mask == n].tolist()) for n, name in enumerate(fast.labels, start=1)
+        } == sets
+
+
+@given(st.lists(st.tuples(*[st.integers(-(2**20), 2**20 - 1)] * 3), min_size=1, max_size=20))
+def test_voxel_keys_keep_cells_and_their_order(cells: list[tuple[int, int, int]]) -> None:
+    array = np.array(cells, np.int64)
+    keys = pack_cells(array)
+    np.testing.assert_array_equal(unpack_keys(keys), array)
+    assert [cells[n] for n in np.argsort(keys, kind="stable")] == sorted(cells)
+
+
+def test_real_recording_gives_the_reference_map(shared_scenes: Path) -> None:
+    """Every eighth pixel of 20 frames of a scan, with its instance pictures as masks: real occlusion, real poses."""
+    folder = shared_scenes / "scannet" / "scene0900_00"
+    K = np.loadtxt(folder / "intrinsic" / "intrinsic_depth.txt")
+    step = 8
+    camera = PinholeCamera(640 // step, 480 // step, K[0, 0] / step, K[1, 1] / step, K[0, 2] / step, K[1, 2] / step)
+    # The scan is Z up and its camera looks along +z with y down; ours is Y up and looks along -z.
+    T_world_scan = np.array([[1.0, 0, 0, 0], [0, 0, 1, 0], [0, -1, 0, 0], [0, 0, 0, 1]])
+    frames: list[Frame] = []
+    for n in range(0, 60, 3):
+        T_scan_camera = np.loadtxt(folder / "pose" / f"{n}.txt")
+        if not np.isfinite(T_scan_camera).all():
+            continue
+        depth = np.asarray(Image.open(folder / "depth" / f"{n}.png"), np.float32)[::step, ::step] / 1000
+        labels = np.asarray(Image.open(folder / "instance-filt" / f"{n}.png"), np.int32)[::step, ::step]
+        frames.append((depth, labels, None, T_world_scan @ T_scan_camera @ np.diag([1.0, -1, -1, 1])))
+    choice = MappingSettings(voxel_size=0.1, min_mask_pixels=4, min_mask_voxels=3, min_voxels=3, split_distance=0.2)
+    found = run(frames, choice, camera)
+    assert len(found) > 10
+    assert_same(found, reference_map(camera, frames, choice), choice)
+
+
+def test_walls_of_two_things_become_two_instances() -> None:
+    """Hand-made and without the reference: two things that every frame tells apart, one mask that spans both."""
+    world = np.full((18, 26), 1, np.int32)
+    world[:, 13:] = 2
+    frames: list[Frame] = []
+    for x in (4, 5, 6, 7, 8):
+        depth, labels = look(world, x, 3)
+        frames.append((depth, np.where(labels > 0, 1, 0) if x == 6 else labels, None, pose(x, 3)))
+    found = run(frames, SMALL)
+    assert len(found) == 2
+    assert all(len({int(v[0]) for v in i.views} & {2}) == 0 for i in found.instances), "the spanning mask was kept"
+    left, right = sorted(found.instances, key=lambda i: float(i.centre[0]))
+    assert float(left.aabb_max[0]) < float(right.aabb_min[0])
