@@ -1,0 +1,76 @@
+"""What colour a thing is, in one of thirteen words, so that "the blue armchair" can be told from the red one."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import cv2
+import numpy as np
+import numpy.typing as npt
+
+from openmap_agents.perception.protocol import Masks
+
+# sRGB of good examples of each word; several where a word covers much of the space. Lightness counts for less than hue, since
+# the shaded side of a thing is darker than its colour; for the greys lightness is all there is.
+_EXAMPLES: dict[str, list[tuple[int, int, int]]] = {
+    "black": [(0, 0, 0), (35, 35, 37)],
+    "grey": [(85, 85, 88), (128, 128, 128), (170, 170, 172)],
+    "white": [(255, 255, 255), (228, 228, 226)],
+    "red": [(200, 25, 30), (150, 20, 25), (235, 60, 55)],
+    "orange": [(245, 130, 30), (225, 110, 20)],
+    "yellow": [(250, 220, 50), (235, 205, 90)],
+    "green": [(40, 150, 60), (30, 95, 45), (130, 190, 90), (90, 110, 60)],
+    "turquoise": [(50, 190, 185), (20, 130, 135)],
+    "blue": [(40, 80, 200), (25, 40, 110), (100, 150, 220), (70, 105, 150)],
+    "purple": [(120, 50, 150), (80, 40, 100), (165, 120, 200)],
+    "pink": [(245, 150, 180), (230, 90, 150), (240, 195, 205)],
+    "brown": [(110, 65, 30), (75, 45, 25), (150, 95, 55), (175, 120, 75)],
+    "beige": [(225, 200, 165), (205, 180, 145), (235, 220, 195)],
+}
+COLOURS = tuple(_EXAMPLES)
+_CHROMA_WEIGHT = 1.6
+_MOST_PIXELS = 2000
+
+
+def _lab(rgb: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
+    """CIE L*a*b* (n, 3) of sRGB (n, 3)."""
+    return np.asarray(cv2.cvtColor((rgb.astype(np.float32) / 255.0)[None], cv2.COLOR_RGB2LAB)[0], np.float32)
+
+
+def _space(lab: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """L*a*b* with chroma stretched, so that distance follows the word rather than the shading."""
+    return lab * np.array([1.0, _CHROMA_WEIGHT, _CHROMA_WEIGHT], np.float32)
+
+
+_WORD = np.array([i for i, c in enumerate(COLOURS) for _ in _EXAMPLES[c]])
+_PLACE = _space(_lab(np.array([rgb for c in COLOURS for rgb in _EXAMPLES[c]], np.uint8)))
+
+
+def colour_votes(rgb: npt.NDArray[np.uint8]) -> npt.NDArray[np.float64]:
+    """Share of pixels (n, 3) uint8 that each of the 13 words would be used for; sums to 1, zeros without pixels."""
+    if len(rgb) == 0:
+        return np.zeros(len(COLOURS))
+    place = _space(_lab(rgb))
+    distance = ((place[:, None] - _PLACE[None]) ** 2).sum(2)
+    words = _WORD[distance.argmin(1)]
+    return np.bincount(words, minlength=len(COLOURS)) / len(words)
+
+
+def region_colour(rgb: npt.NDArray[np.uint8], masks: Masks) -> list[str]:
+    """A colour word for each mask 1..n of a picture rgb (H, W, 3) uint8: that of most of its pixels.
+
+    Shading darkens a thing without changing its hue; highlights bleach it. So the darkest and the lightest tenth have no vote.
+    """
+    order = np.argsort(masks.labels, axis=None, kind="stable")
+    sorted_labels = masks.labels.ravel()[order]
+    starts = np.searchsorted(sorted_labels, np.arange(1, len(masks) + 2))
+    flat = rgb.reshape(-1, 3)
+    words = []
+    for first, last in pairwise(starts.tolist()):
+        pixels = flat[order[first : last : max(1, (last - first) // _MOST_PIXELS)]]
+        light = pixels.sum(1, dtype=np.int64)
+        if len(pixels) >= 10:
+            low, high = np.quantile(light, [0.1, 0.9])
+            pixels = pixels[(light >= low) & (light <= high)]
+        words.append(COLOURS[int(colour_votes(pixels).argmax())])
+    return words
