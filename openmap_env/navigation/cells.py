@@ -105,7 +105,7 @@ def standing_cells(spans: Spans, grid: Grid, body: Body) -> Cells:
         iz[keep],
         floor[keep],
         neighbour,
-        _smooth(away, neighbour),
+        _smooth(_smooth(away, neighbour), neighbour),
         grounded[stands][keep],
     )
 
@@ -113,13 +113,13 @@ def standing_cells(spans: Spans, grid: Grid, body: Body) -> Cells:
 def label_islands(cells: Cells) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Connected components: island of each cell (N,), and for each island its cells and its grounded cells, (K,) each.
 
-    Islands are numbered by grounded cells, then by cells, most first: 0 is the floor that a home is about. A ceiling seen from
-    above has as many cells as the floor, and more, but none of them is grounded.
+    Islands are numbered by grounded cells less the others, then by cells, most first: 0 is the floor that a home is about.
+    A ceiling seen from above has more cells than the floor, but of those only the eaves are grounded.
     """
     raw = _components(cells.neighbour)
     n = int(raw.max(initial=-1)) + 1
     size, grounded = np.bincount(raw, minlength=n), np.bincount(raw[cells.grounded], minlength=n)
-    order = np.lexsort((np.arange(n), -size, -grounded))
+    order = np.lexsort((np.arange(n), -size, size - 2 * grounded))
     rank = np.empty(n, np.int64)
     rank[order] = np.arange(n)
     return rank[raw], size[order].astype(np.int64), grounded[order].astype(np.int64)

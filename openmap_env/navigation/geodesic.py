@@ -16,6 +16,7 @@ from openmap_env.navigation.cells import Cells
 from openmap_env.navigation.heightfield import Grid
 
 NO_ANCHOR = np.int64(-(1 << 60))
+LOOK_BEYOND = 3
 
 
 def cell_centres(cells: Cells, grid: Grid) -> npt.NDArray[np.float64]:
@@ -151,8 +152,8 @@ def _sink(heap, slot, key, n, i):  # type: ignore[no-untyped-def]
 def _settle_anchor(  # type: ignore[no-untyped-def]
     i, neighbour, ix, iz, centres, origin, size, slack, goals, goal_cells, distance, anchor, settled
 ):
-    """The best of what the settled neighbours offer cell i: the anchor of one, if seen, else the neighbour itself."""
-    best, best_anchor = np.inf, NO_ANCHOR
+    """The best of what the settled neighbours offer cell i: the anchor of one, or one beyond, if seen, else the neighbour."""
+    best, best_anchor, turns_here = np.inf, NO_ANCHOR, False
     for d in range(8):
         j = neighbour[i, d]
         if j < 0 or not settled[j]:
@@ -163,10 +164,23 @@ def _settle_anchor(  # type: ignore[no-untyped-def]
         if through < best:
             a_cell = a if a >= 0 else goal_cells[-1 - a]
             if _sees(neighbour, ix, iz, centres[:, 1], origin, size, slack, centres[i], i, place, a_cell):
-                best, best_anchor = through, a
+                best, best_anchor, turns_here = through, a, False
         step = distance[j] + _length(centres[i], centres[j])
         if step < best:
-            best, best_anchor = step, j
+            best, best_anchor, turns_here = step, j, True
+    if not turns_here:
+        return best, best_anchor
+    # Pull the string taut: skip corners over which the cell sees a later one. In passages one cell wide it may see that one,
+    # but not the one before it.
+    a, look = best_anchor, LOOK_BEYOND
+    while a >= 0 and look > 0:
+        a = anchor[a]
+        place = _place(a, centres, goals)
+        a_cell = a if a >= 0 else goal_cells[-1 - a]
+        look -= 1
+        if _sees(neighbour, ix, iz, centres[:, 1], origin, size, slack, centres[i], i, place, a_cell):
+            best, best_anchor = _length(centres[i], place) + (distance[a] if a >= 0 else 0.0), a
+            look = LOOK_BEYOND
     return best, best_anchor
 
 

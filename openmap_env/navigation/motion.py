@@ -1,7 +1,7 @@
 """How a body moves over the cells: straight on, along walls, never through them.
 
 A displacement is walked in pieces of at most half a cell, each from a cell to one that connects with it, so nothing is jumped
-over. A piece that is barred goes on along the obstacle, as far as it leads forward.
+over. Where a piece is barred, the rest leads along the obstacle, to the nearest point that connected cells lead to.
 """
 
 from __future__ import annotations
@@ -41,34 +41,73 @@ def _enter(neighbour, ix, iz, origin, size, cell, x, z):  # type: ignore[no-unty
 
 
 @nb.njit(cache=True)
+def _nearest_reachable(neighbour, ix, iz, origin, size, cell, x, z, tx, tz, limit):  # type: ignore[no-untyped-def]
+    """The point nearest to a target (tx, tz), at most ``limit`` m from (x, z), that is reached without leaving the circle
+    around start and target, widened by a cell; returns its x, z and cell.
+    """
+    middle_x, middle_z = 0.5 * (x + tx), 0.5 * (z + tz)
+    radius = 0.5 * np.hypot(tx - x, tz - z) + size
+    best = np.hypot(tx - x, tz - z)
+    best_x, best_z, best_cell = x, z, cell
+    across = 2 * int(np.ceil(radius / size)) + 3
+    queue = np.empty(across * across, np.int64)
+    queue[0] = cell
+    count, head = 1, 0
+    while head < count:
+        i = queue[head]
+        head += 1
+        # The edges of a cell are its neighbours' as well: stay a hair inside.
+        low_x, low_z = origin[0] + (ix[i] + 1e-6) * size, origin[1] + (iz[i] + 1e-6) * size
+        high_x, high_z = low_x + size * (1.0 - 2e-6), low_z + size * (1.0 - 2e-6)
+        px, pz = min(max(tx, low_x), high_x), min(max(tz, low_z), high_z)
+        off = np.hypot(tx - px, tz - pz)
+        if off < best and np.hypot(px - x, pz - z) <= limit:
+            best, best_x, best_z, best_cell = off, px, pz, i
+        for d in range(8):
+            j = neighbour[i, d]
+            if j < 0 or count == len(queue):
+                continue
+            cx, cz = origin[0] + (ix[j] + 0.5) * size, origin[1] + (iz[j] + 0.5) * size
+            beside_x, beside_z = max(abs(cx - middle_x) - 0.5 * size, 0.0), max(abs(cz - middle_z) - 0.5 * size, 0.0)
+            if np.hypot(beside_x, beside_z) > radius:
+                continue
+            known = False
+            for k in range(count):
+                known = known or queue[k] == j
+            if not known:
+                queue[count] = j
+                count += 1
+    return best_x, best_z, best_cell
+
+
+@nb.njit(cache=True)
 def slide(neighbour, ix, iz, away, origin, size, cell, x, z, dx, dz):  # type: ignore[no-untyped-def]
     """Move from (x, z) in ``cell`` by (dx, dz) m; returns the new x, z and cell."""
-    pieces = max(1, int(np.ceil(np.hypot(dx, dz) / (0.5 * size))))
-    px, pz = dx / pieces, dz / pieces
-    length = np.hypot(px, pz)
-    for _ in range(pieces):
-        nx_, nz_ = away[cell, 0], away[cell, 1]
-        into = px * nx_ + pz * nz_
-        moved = False
-        for attempt in range(5):
-            mx, mz = px, pz
-            if attempt == 1 or attempt == 2:
-                # Along the obstacle; the second time also a little off it, to get around the corner of a cell.
-                if into >= 0.0:
-                    continue
-                push = 0.0 if attempt == 1 else 0.5 * length
-                mx, mz = px - into * nx_ + push * nx_, pz - into * nz_ + push * nz_
-            elif attempt == 3:
-                mx, mz = (px, 0.0) if abs(px) >= abs(pz) else (0.0, pz)
-            elif attempt == 4:
-                mx, mz = (0.0, pz) if abs(px) >= abs(pz) else (px, 0.0)
-            if attempt > 0 and mx * px + mz * pz <= 1e-6 * length * length:
-                continue
-            following = _enter(neighbour, ix, iz, origin, size, cell, x + mx, z + mz)
-            if following >= 0:
-                cell, x, z = following, x + mx, z + mz
-                moved = True
+    left = np.hypot(dx, dz)
+    if left == 0.0:
+        return x, z, cell
+    ux, uz = dx / left, dz / left
+    while left > 1e-9:
+        piece = min(left, 0.5 * size)
+        following = _enter(neighbour, ix, iz, origin, size, cell, x + piece * ux, z + piece * uz)
+        if following >= 0:
+            cell, x, z = following, x + piece * ux, z + piece * uz
+            left -= piece
+            continue
+        # Barred. Aim along the obstacle and go as near to that as the cells allow: a slanted wall is a stair on the grid, and
+        # this finds the way over its steps. If that leads nowhere, aim straight on.
+        stretch = min(left, 6.0 * size)
+        into = min(ux * away[cell, 0] + uz * away[cell, 1], 0.0)
+        moved = 0.0
+        for attempt in range(2):
+            share = into if attempt == 0 else 0.0
+            tx, tz = x + stretch * (ux - share * away[cell, 0]), z + stretch * (uz - share * away[cell, 1])
+            end_x, end_z, end_cell = _nearest_reachable(neighbour, ix, iz, origin, size, cell, x, z, tx, tz, stretch)
+            moved = np.hypot(end_x - x, end_z - z)
+            if moved > 0.02 * stretch:
                 break
-        if not moved:
+        x, z, cell = end_x, end_z, end_cell
+        if moved <= 0.02 * stretch:
             break
+        left -= stretch
     return x, z, cell
