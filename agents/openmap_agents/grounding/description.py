@@ -45,7 +45,7 @@ class Thing:
     queries : tuple of (str, float)
         Texts to look for in the map, with what is taken off the similarity found for each
         (a synonym fits a little less than the word said).
-    colour, superlative, ordinal, room, not_room
+    colour, not_colour, superlative, ordinal, room, not_room
         What the phrase says besides; ``ordinal`` counts from 1.
     strict : bool
         "the largest plant" (strict) against "the large plant".
@@ -55,6 +55,7 @@ class Thing:
     phrase: str
     queries: tuple[tuple[str, float], ...] = ()
     colour: str | None = None
+    not_colour: str | None = None
     superlative: Superlative | None = None
     strict: bool = False
     ordinal: int | None = None

@@ -27,6 +27,9 @@ from openmap_agents.grounding.scoring import MapView, Scores, score
 from openmap_agents.grounding.text_space import Needs, TextEncoder, TextSpace
 from openmap_agents.mapping.instance_map import InstanceMap
 
+SURE_NEED = 0.65
+"""Cosine with a known need (shared words included) from which unknown words are taken for a need."""
+
 
 @dataclass(frozen=True)
 class GroundingSettings:
@@ -159,6 +162,11 @@ class Grounder:
             if reply is not None:
                 return dialogue.description_from_reply(reply, self._interpreter.nouns, self._lexicon)
         description = self._interpreter.parse(instruction)
+        target = description.target
+        # "Nature calls": no verb, no name and nothing said of a thing. What things are for may know it as a need.
+        unknown = description.kind == "object_goal" and target is not None and not self._interpreter.knows(target)
+        if unknown and self._needs.strength(instruction) >= SURE_NEED:
+            description = Description(kind="demand", needs=(instruction,))
         return replace(description, serves=self._needs.serving(description.needs))
 
     def _ask(

@@ -14,7 +14,7 @@ from typing import Literal
 
 from openmap_agents.grounding.description import Description, RouteClause, Thing
 from openmap_agents.grounding.lexicon import Lexicon, leading, load_lexicon, normalised, words_of
-from openmap_agents.grounding.noun_phrases import NounPhrases
+from openmap_agents.grounding.noun_phrases import SPELLING_COST, NounPhrases
 
 Motion = Literal["goal", "approach", "stop", "pass", "leave", "turn", "need", "bare"]
 
@@ -72,6 +72,11 @@ class Interpreter:
         ):
             return self._walk(clauses)
         return self._wish(clauses)
+
+    def knows(self, thing: Thing) -> bool:
+        """Whether the thing is called by a household name, or something is said of it that only a thing can have."""
+        named = any(self.lexicon.name_of(text) is not None for text, cost in thing.queries if cost < SPELLING_COST)
+        return named or bool(thing.colour or thing.room or thing.relations or thing.superlative)
 
     # clauses -----------------------------------------------------------------------------------------------------------
 
@@ -258,8 +263,10 @@ class Interpreter:
         verb = clause.text[: len(clause.text) - len(clause.rest)].strip()
         if not thing.queries:
             return thing if thing.colour or thing.relations or thing.room or thing.superlative else None
-        # "I want a drink": what is wanted is no thing that a home holds, so it is a need.
-        wishful = verb.endswith(("need", "want", "like", "give me", "get", "bring me"))
+        # "I want a drink", "get me a cup of tea": what is wanted is no thing that a home holds, so it is a need.
+        wishful = verb.endswith(("need", "want", "like", "give me", "get", "get me", "bring me", "fetch"))
+        if wishful and re.search(r"(?<!front)(?<!left)(?<!right)(?<!top)(?<!side) of ", text):
+            return None
         if (
             wishful
             and self.lexicon.name_of(thing.phrase.split()[-1]) is None

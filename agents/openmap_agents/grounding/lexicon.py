@@ -78,7 +78,13 @@ class Lexicon:
         if phrase in self.canonical:
             return self.canonical[phrase]
         head, _, last = phrase.rpartition(" ")
-        return self.canonical.get(f"{head} {singular(last)}".strip())
+        one = f"{head} {singular(last)}".strip()
+        # "arm chair", "arm-chair" and "armchair" are one name.
+        return (
+            self.canonical.get(one)
+            or self.canonical.get(re.sub("[ -]", "", one))
+            or self.canonical.get(one.replace("-", " "))
+        )
 
     def room_of(self, phrase: str) -> str | None:
         """The room that a phrase names, None if it names none."""
@@ -89,7 +95,7 @@ class Lexicon:
         """The known noun word that an unknown word is probably a misspelling of."""
         if len(word) < 5 or word in self.noun_words or singular(word) in self.noun_words:
             return None
-        near = difflib.get_close_matches(word, self.noun_words, n=1, cutoff=0.82)
+        near = difflib.get_close_matches(word, self.noun_words, n=1, cutoff=0.8)
         return near[0] if near else None
 
 

@@ -18,6 +18,9 @@ import jsonschema
 
 Message = dict[str, str]
 KEY_VARIABLE = "OPENAI_API_KEY"
+MAX_BYTES = 1 << 20
+"""No reply that is worth reading is longer."""
+MAX_RECORDED = 20_000
 
 
 class LanguageModelError(Exception):
@@ -94,12 +97,13 @@ class OpenAIModel:
                 break
             budget.used += 1
             start = time.monotonic()
-            entry: dict[str, Any] = {"attempt": attempt + 1, "messages": messages}
+            entry: dict[str, Any] = {"attempt": attempt + 1, **({"messages": messages} if attempt == 0 else {})}
             record.append(entry)
             wait = min(0.25 * 2**attempt, 4.0)
             try:
-                entry["reply"] = self._request(messages, schema if structured else None, min(self.timeout, left))
-                return _fitting(entry["reply"], schema), record
+                reply = self._request(messages, schema if structured else None, min(self.timeout, left))
+                entry["reply"] = self._redacted(reply)[:MAX_RECORDED]
+                return _fitting(reply, schema), record
             except _RefusedError as refused:
                 entry["error"] = self._redacted(str(refused))
                 if refused.status == 400 and structured:
@@ -136,14 +140,19 @@ class OpenAIModel:
                         body += chunk
                         if time.monotonic() > deadline:
                             raise _RefusedError(f"no whole answer within {seconds:.2f} s", None, True)
+                        if len(body) > MAX_BYTES:
+                            raise _RefusedError(f"the answer is longer than {MAX_BYTES} bytes", None, False)
         except openai.APIStatusError as error:
             status = error.status_code
             raise _RefusedError(f"HTTP {status}", status, status in (408, 409, 429) or status >= 500) from None
         except openai.APIConnectionError as error:
             reason = "no answer in time" if isinstance(error, openai.APITimeoutError) else "connection failed"
             raise _RefusedError(reason, None, True) from None
-        except OSError as error:
-            raise _RefusedError(f"connection broke: {type(error).__name__}", None, True) from None
+        except LanguageModelError:
+            raise
+        except Exception as error:
+            # While a body is read the transport raises errors of its own, of another library in each client version.
+            raise _RefusedError(f"{type(error).__name__}: {error}"[:300], None, isinstance(error, OSError)) from None
         return _content(body)
 
     @staticmethod
@@ -173,11 +182,15 @@ def _content(body: bytes) -> str:
     return text
 
 
+def _refuse_constant(name: str) -> None:
+    raise ValueError(f"{name} is not JSON")
+
+
 def _fitting(text: str, schema: dict[str, Any]) -> dict[str, Any]:
     """The JSON object in a reply (which may be fenced as code), valid under the schema."""
     fenced = re.search(r"```(?:json)?\s*(.*?)```", text, re.DOTALL)
     try:
-        reply = json.loads(fenced.group(1) if fenced else text)
+        reply = json.loads(fenced.group(1) if fenced else text, parse_constant=_refuse_constant)
         jsonschema.validate(reply, schema)
     except (ValueError, RecursionError) as error:
         raise LanguageModelError(f"the reply is no JSON: {type(error).__name__}") from None

@@ -51,9 +51,16 @@ class NounPhrases:
 
     def parse(self, text: str) -> Thing:
         """A noun phrase with its relations, e.g. "the lamp on the desk in the study"; empty phrase if no name is in it."""
-        segments = self._segments(words_of(text))
+        words = words_of(text)
+        segments = self._segments(words)
         first = self._head(segments[0].words)
-        return self._attached(first, segments[1:])
+        return replace(self._attached(first, segments[1:]), not_colour=self._denied_colour(words))
+
+    def _denied_colour(self, words: list[str]) -> str | None:
+        """ "... not the blue one" -> "blue"."""
+        denials = [at for at, word in enumerate(words) if word in self._negations]
+        denied = [w for at in denials for w in words[at + 1 : at + 4] if w in self.colour_of]
+        return self.colour_of[denied[0]] if denied else None
 
     def _segments(self, words: list[str]) -> list[_Segment]:
         """Cut before every relation: [head, (relation, words), ...]."""
@@ -70,7 +77,9 @@ class NounPhrases:
                 continue
             word = words[at]
             if word in self._negations:
-                negated = True
+                negated = to_first = True
+            elif negated and (word in self.articles or word in self.generic or word in self.colour_of):
+                pass  # "not the blue one by the door": said of the first noun phrase, and no name
             elif word == "and" and self._relation_at(words, at + 1, True):
                 to_first = True
             elif word not in self._fillers:

@@ -164,6 +164,8 @@ def _score_thing(thing: Thing, view: MapView, depth: int = 0) -> Scores:
         scores = _from_fit(view, np.full(len(view), 0.5), ())
     if thing.colour:
         scores.apply(f"colour {thing.colour}", np.array([fits[thing.colour] for fits in view.colour_fits]))
+    if thing.not_colour:
+        scores.apply(f"not {thing.not_colour}", 1 - np.array([fits[thing.not_colour] for fits in view.colour_fits]))
     if thing.room in view.rooms:
         scores.apply(f"in the {thing.room}", view.rooms[thing.room])
     if thing.not_room in view.rooms:

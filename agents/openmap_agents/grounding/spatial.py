@@ -76,7 +76,7 @@ def on(boxes: Boxes, j: int) -> FloatArray:
     )
     size = boxes.size[j]
     if size[UP] > 1.5 and min(size[FLAT]) < 0.4:
-        return np.maximum(stands, np.exp(-gaps(boxes, j) / 0.15))
+        return np.asarray(np.maximum(stands, np.exp(-gaps(boxes, j) / 0.15)))
     return np.asarray(stands)
 
 

@@ -77,17 +77,21 @@ class Needs:
         self._use_words = [content_words(use) for use in self._uses]
 
     def serving(self, needs: tuple[str, ...]) -> tuple[tuple[str, float], ...]:
-        """Kinds that answer any of the needs, best first, each with what is to be taken off its similarity (0 for the best)."""
-        if not needs:
-            return ()
+        """Kinds that answer any of the needs, best first, each with what it costs in similarity (0 for the best)."""
+        ranked = self._ranked(needs)
+        return tuple((kind, self.STEEPNESS * (ranked[0][1] - score)) for kind, score in ranked)
+
+    def strength(self, text: str) -> float:
+        """How surely a text states a need that the table knows: the best kind's score."""
+        return self._ranked((text,))[0][1]
+
+    def _ranked(self, needs: tuple[str, ...]) -> list[tuple[str, float]]:
         best: dict[str, float] = {}
-        cosine = self._space.vectors(list(needs)) @ self._space.vectors(self._uses).T
-        for row, need in zip(cosine, needs, strict=True):
+        for need in needs:
+            row = self._space.vectors(self._uses) @ self._space.vectors([need])[0]
             words = content_words(need)
             for kind, use_words, cos in zip(self._kinds, self._use_words, row.tolist(), strict=True):
                 shared = len(words & use_words) / max(len(words), 1)
                 named = 0.1 if content_words(kind) <= words else 0.0
-                score = cos + self.LEXICAL * shared + named
-                best[kind] = max(best.get(kind, -1.0), score)
-        ranked = sorted(best.items(), key=lambda item: (-item[1], item[0]))[: self.KEPT]
-        return tuple((kind, self.STEEPNESS * (ranked[0][1] - score)) for kind, score in ranked)
+                best[kind] = max(best.get(kind, -1.0), cos + self.LEXICAL * shared + named)
+        return sorted(best.items(), key=lambda item: (-item[1], item[0]))[: self.KEPT]
