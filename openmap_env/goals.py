@@ -42,10 +42,11 @@ def places_at(surface: NavigableSurface, scene: Scene, target: Target, island: i
         usable = usable & inside if np.any(usable & inside) else usable
     places = places[usable]
     if len(places) == 0:
-        return places
+        return np.empty((0, 3))
     outside = np.maximum(np.maximum(low - places, places - high), 0.0)
     gap = np.hypot(outside[:, 0], outside[:, 2])
-    return places[gap <= gap.min() + ARM] if gap.min() <= REACH else places[:0]
+    touching = gap <= gap.min() + ARM if gap.min() <= REACH else np.zeros(len(gap), bool)
+    return np.asarray(places[touching], np.float64)
 
 
 def way_to(surface: NavigableSurface, scene: Scene, targets: Sequence[Target], island: int) -> DistanceField | None:

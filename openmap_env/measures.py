@@ -78,7 +78,7 @@ class Measure(Protocol):
 
 @dataclass(frozen=True)
 class SuccessAtK:
-    """``sr_k``: one of the first k answers lies within 1.0 m (3-D) of the centre of a target's box. The paper's SR_k, SR for k = 1."""
+    """``sr_k``: one of the first k answers lies within 1.0 m (3-D) of the centre of a target's box: the paper's SR_k."""
 
     k: int
     needs_targets = True

@@ -88,7 +88,16 @@ def generate_episodes(
         question, position, heading = made
         name = f"{scene.name}-{kind}-{number:04d}"
         episodes.append(
-            Episode(name, scene_spec, question.instruction, kind, _triple(position), heading, question.targets, question.info)
+            Episode(
+                name,
+                scene_spec,
+                question.instruction,
+                kind,
+                _triple(position),
+                heading,
+                question.targets,
+                question.info,
+            )
         )
     if n and not episodes:
         found = f"{len(generator.things)} things that can be asked for"
@@ -266,7 +275,11 @@ class _Generator:
         if "{last}" in pattern and expression.room == rooms[-1]:
             # "Enter the kitchen and stop at the sink": the room has been said; it still is part of what is meant.
             unique = len(expression.matches(scene)) == 1
-            ref = with_article(said.noun, said.noun, unique) if said == Expression(said.noun, room=said.room) else said.say(scene)
+            ref = (
+                with_article(said.noun, said.noun, unique)
+                if said == Expression(said.noun, room=said.room)
+                else said.say(scene)
+            )
         else:
             ref = said.say(scene)
         between = " and ".join(f"the {room}" for room in rooms[1:-1])
@@ -287,8 +300,10 @@ class _Generator:
             other = others[0]
             outside = np.maximum(np.maximum(other.aabb_min - path, path - other.aabb_max), 0.0)
             near = np.flatnonzero(np.hypot(outside[:, 0], outside[:, 2]) <= PASSING)
-            same_room = any(room_name(self.scene, other) in (None, name) for name in rooms_along(self.scene, path[near]))
-            if len(near) and 4 <= near[0] and near[-1] < len(path) - 4 and same_room:
+            same_room = any(
+                room_name(self.scene, other) in (None, name) for name in rooms_along(self.scene, path[near])
+            )
+            if len(near) and near[0] >= 4 and near[-1] < len(path) - 4 and same_room:
                 passed.append((int(near[0]), with_article(noun, noun, unique=True)))
         return [name for _, name in sorted(passed)]
 

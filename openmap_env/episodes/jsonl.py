@@ -61,7 +61,9 @@ def read_episodes(path: str | Path) -> list[Episode]:
 def _episode(where: str, data: Any) -> Episode:
     if not isinstance(data, dict) or not set(_FIELDS) <= set(data):
         missing = sorted(set(_FIELDS) - set(data)) if isinstance(data, dict) else list(_FIELDS)
-        raise DataError(where, f"an entry without {', '.join(missing)}", f"an object with {', '.join(_FIELDS)}", _REMEDY)
+        raise DataError(
+            where, f"an entry without {', '.join(missing)}", f"an object with {', '.join(_FIELDS)}", _REMEDY
+        )
     for name in ("episode_id", "scene", "instruction"):
         if not isinstance(data[name], str) or not data[name].strip():
             raise DataError(where, f"{name} {data[name]!r}", "a text that is not empty")

@@ -11,6 +11,7 @@ import json
 import logging
 import math
 import zlib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ from scipy.spatial.transform import Rotation
 from openmap_env.episodes.episode import Episode, Target
 from openmap_env.episodes.expressions import with_article
 from openmap_env.episodes.jsonl import number, point, read_episodes
-from openmap_scenes import DataError, Scene
+from openmap_scenes import DataError, Instance, Scene
 
 logger = logging.getLogger(__name__)
 
@@ -30,15 +31,15 @@ _SAME_OBJECT = 1.0
 
 
 def load_episodes(path: str | Path, scene_spec: str | None = None, scene: Scene | None = None) -> list[Episode]:
-    """Read episodes of any known format: R2R-CE (.json.gz), ObjectNav (.json.gz with content/), our own (.jsonl), or a folder of them.
+    """Read episodes of any known format: R2R-CE or ObjectNav (.json.gz, content/), our own (.jsonl), or a folder of them.
 
     Parameters
     ----------
     path : str or Path
         A file, or a folder such as ``objectnav/mp3d/v1/val``.
     scene_spec : str, optional
-        Catalogue spec of the scene at hand. Episodes of other scenes are dropped with a line in the log. Without it, scene files
-        are searched for in the folders above the episode file, as ``<folder>/<scene_id>`` or ``<folder>/scene_datasets/<scene_id>``.
+        Catalogue spec of the scene at hand. Episodes of other scenes are dropped with a line in the log. Without it, scene
+        files are looked for in the folders above the episode file: ``<folder>/<scene_id>``, ``<folder>/scene_datasets/<scene_id>``.
     scene : Scene, optional
         Gives ObjectNav goals their boxes: ``object_id`` is looked up as ``Instance.source_id``. Without it a goal is its position.
 
@@ -59,14 +60,24 @@ def load_episodes(path: str | Path, scene_spec: str | None = None, scene: Scene 
         if not isinstance(entries, list):
             raise DataError(file, f"the keys {sorted(data)[:6]}", "an 'episodes' list, as R2R-CE and ObjectNav have")
         if "goals_by_category" in data:
-            episodes += [_objectnav(f"{file}: episode {i}", file, e, data, scene_spec, scene) for i, e in enumerate(entries)]
+            episodes += [
+                _objectnav(f"{file}: episode {i}", file, e, data, scene_spec, scene) for i, e in enumerate(entries)
+            ]
         elif all(isinstance(e, dict) and "instruction" in e for e in entries):
             episodes += [_r2r(f"{file}: episode {i}", file, e, scene_spec) for i, e in enumerate(entries)]
         else:
-            raise DataError(file, "episodes of an unknown kind", "R2R-CE ('instruction') or ObjectNav ('goals_by_category')")
+            raise DataError(
+                file, "episodes of an unknown kind", "R2R-CE ('instruction') or ObjectNav ('goals_by_category')"
+            )
     kept = [e for e in episodes if scene_spec is None or same_scene(e.info.get("scene_id", e.scene), scene_spec)]
     if len(kept) < len(episodes):
-        logger.info("%s: dropped %d of %d episodes, their scene is not %s", path, len(episodes) - len(kept), len(episodes), scene_spec)
+        logger.info(
+            "%s: dropped %d of %d episodes, their scene is not %s",
+            path,
+            len(episodes) - len(kept),
+            len(episodes),
+            scene_spec,
+        )
     if not kept:
         found = f"{len(episodes)} episodes, none of scene {scene_spec}" if episodes else "no episode"
         raise DataError(path, found, "at least one episode to run")
@@ -74,7 +85,7 @@ def load_episodes(path: str | Path, scene_spec: str | None = None, scene: Scene 
 
 
 def same_scene(scene_id: str, scene_spec: str) -> bool:
-    """Whether a scene file ("mp3d/X/X.glb") or spec and a catalogue spec ("mp3d:/data/mp3d/X") name the same home, by its short name."""
+    """Whether a scene file ("mp3d/X/X.glb") or spec and a catalogue spec ("mp3d:/data/mp3d/X") name the same home."""
     return _short_name(scene_id) == _short_name(scene_spec)
 
 
@@ -128,7 +139,9 @@ def _scene_spec(file: Path, scene_id: str) -> str:
                 kind = _KINDS_BY_FOLDER.get(Path(scene_id).parts[0])
                 return f"{kind}:{found.parent}" if kind else f"file:{found}"
     remedy = "Pass scene_spec, for example mp3d:<scan folder>."
-    raise DataError(file, f"scene_id {scene_id!r}, which is no file under the folders above", "the scene's file", remedy)
+    raise DataError(
+        file, f"scene_id {scene_id!r}, which is no file under the folders above", "the scene's file", remedy
+    )
 
 
 def _common(where: str, file: Path, entry: Any, scene_spec: str | None) -> dict[str, Any]:
@@ -199,26 +212,35 @@ def _objectnav(
         raise DataError(where, f"no goals under {key!r} in goals_by_category", "at least one goal with a position")
     noun = category.replace("_", " ")
     instruction = f"Find {with_article(noun, noun, unique=len(goals) == 1)}."
-    targets = tuple(_object_target(where, goal, scene) for goal in goals)
-    info = {"scene_id": entry["scene_id"], "category": category, **(entry.get("info") or {})}
-    return Episode(instruction=instruction, kind="object_goal", targets=targets, info=info, **common)
+    targets = tuple(_place(point(where, "goal position", goal["position"])) for goal in goals)
+    object_ids = [goal.get("object_id") for goal in goals]
+    info = {"scene_id": entry["scene_id"], "category": category, "object_ids": object_ids, **(entry.get("info") or {})}
+    episode = Episode(instruction=instruction, kind="object_goal", targets=targets, info=info, **common)
+    return episode if scene is None else with_boxes(episode, scene)
 
 
-def _object_target(where: str, goal: dict[str, Any], scene: Scene | None) -> Target:
-    """The scene's instance of the goal's id where both are in the same place, else the goal's position."""
-    centre = point(where, "goal position", goal["position"])
-    source_id = goal.get("object_id")
-    for instance in scene.instances if scene is not None and source_id is not None else ():
-        if instance.source_id == source_id and np.linalg.norm(instance.centre - centre) <= _SAME_OBJECT:
-            return target_of(instance)
-    return _place(centre)
+def with_boxes(episode: Episode, scene: Scene) -> Episode:
+    """An ObjectNav episode whose goals are the scene's instances, with their boxes; other episodes as they are.
+
+    A goal whose id is no instance of the scene, or one elsewhere, stays a position.
+    """
+    object_ids = episode.info.get("object_ids", ())
+    if len(object_ids) != len(episode.targets) or any(target.instance_id for target in episode.targets):
+        return episode
+    by_source = {instance.source_id: instance for instance in scene.instances}
+    targets = []
+    for source_id, target in zip(object_ids, episode.targets, strict=True):
+        instance = by_source.get(source_id)
+        same = instance is not None and np.linalg.norm(instance.centre - np.array(target.centre)) <= _SAME_OBJECT
+        targets.append(target_of(instance) if instance is not None and same else target)
+    return replace(episode, targets=tuple(targets))
 
 
 def _place(centre: tuple[float, float, float]) -> Target:
     return Target(0, centre, centre, centre)
 
 
-def target_of(instance: Any) -> Target:
+def target_of(instance: Instance) -> Target:
     """An instance as a target."""
 
     def triple(v: Any) -> tuple[float, float, float]:
@@ -231,8 +253,6 @@ def _with_unique_ids(episodes: list[Episode]) -> list[Episode]:
     """The same episodes; where files repeat ids, each gets its home's name in front."""
     if len({e.episode_id for e in episodes}) == len(episodes):
         return episodes
-    from dataclasses import replace
-
     renamed = [replace(e, episode_id=f"{_short_name(e.scene)}/{e.episode_id}") for e in episodes]
     if len({e.episode_id for e in renamed}) < len(renamed):
         renamed = [replace(e, episode_id=f"{e.episode_id}#{i}") for i, e in enumerate(renamed)]

@@ -7,7 +7,7 @@ sofa" is a sofa) and, failing that, is a kind of its own.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -50,6 +50,7 @@ class Vocabulary:
     structure: frozenset[str]
     room_names: dict[str, str]
     unnamed_rooms: frozenset[str]
+    _lineages: dict[str, frozenset[str]] = field(default_factory=dict, repr=False, compare=False)
 
     def kind(self, category: str) -> str:
         """The kind of a category word: as listed, else that of its longest listed ending, else the word itself."""
@@ -69,10 +70,12 @@ class Vocabulary:
 
     def lineage(self, category: str) -> frozenset[str]:
         """The kind of a category word and every more general kind that it also is."""
-        found = [self.kind(category)]
-        for kind in found:
-            found.extend(parent for parent in self.parents.get(kind, ()) if parent not in found)
-        return frozenset(found)
+        if category not in self._lineages:
+            found = [self.kind(category)]
+            for kind in found:
+                found.extend(parent for parent in self.parents.get(kind, ()) if parent not in found)
+            self._lineages[category] = frozenset(found)
+        return self._lineages[category]
 
     def is_a(self, category: str, noun: str) -> bool:
         """Whether people would call a thing of that category by that noun: an armchair is a chair, a chair no armchair."""
