@@ -1,0 +1,129 @@
+"""The command line: ``openmap eval | demo | query | scenes``."""
+
+from __future__ import annotations
+
+import logging
+import sys
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+from rich.console import Console
+
+from openmap_scenes import DataError
+
+
+@dataclass(frozen=True)
+class Eval:
+    """Run an agent over episodes and score it; a run that was stopped goes on where it was."""
+
+    out: Path
+    """Folder for episodes.jsonl, summary.json, report.html, the map pictures and the maps. A second call with it resumes."""
+    scene: str | None = None
+    """A scene of the catalogue: mp3d:<scan folder>, file:<mesh> or homes:<split>/<n>."""
+    split: Literal["homes/train", "homes/val", "homes/test"] | None = None
+    """Instead of --scene: a split of the built-in homes."""
+    homes: int = 3
+    """How many homes of the split."""
+    episodes: str = "24"
+    """How many to generate for each scene, or a file or folder of episodes (R2R-CE, ObjectNav, own JSONL)."""
+    agent: str = "openmap"
+    """openmap, random, stand_still or oracle."""
+    perception: str = "embedded"
+    """embedded (from pixels) or oracle (the renderer's ids and names; for analysis only)."""
+    llm: str = "builtin"
+    """builtin, or openai:<model>@<base url> for any OpenAI-compatible endpoint."""
+    protocol: Literal["retrieval", "navigation"] = "retrieval"
+    """Explore once and answer everything, or every episode by itself."""
+    seed: int = 0
+    """Draws episodes and everything that an agent draws."""
+    renderer: str = "opengl"
+    """opengl, pyrender or raycast."""
+    width: int = 640
+    """Picture width, px."""
+    height: int = 480
+    """Picture height, px."""
+    max_steps: int = 2000
+    """Budget of actions for one walk."""
+    video: bool = False
+    """Also write the walk as walk.mp4 (one scene only)."""
+
+    def run(self, console: Console) -> None:
+        from openmap_eval.commands import run_eval
+
+        run_eval(self, console)
+
+
+@dataclass(frozen=True)
+class Demo:
+    """Walk the whole road once: a home, an agent that maps it, questions, scores, pictures."""
+
+    out: Path = Path("runs/demo")
+    """Folder for what it writes."""
+    scene: str = "homes:val/0"
+    """A scene of the catalogue."""
+    seed: int = 0
+
+    def run(self, console: Console) -> None:
+        from openmap_eval.demo import run_demo
+
+        run_demo(self.out, self.scene, self.seed, console)
+
+
+@dataclass(frozen=True)
+class Query:
+    """Ask a saved map for something."""
+
+    map: tyro.conf.Positional[Path]
+    """A map that an evaluation or the demo wrote."""
+    instruction: tyro.conf.Positional[str]
+    top: int = 5
+    """How many answers to list."""
+    llm: str = "builtin"
+
+    def run(self, console: Console) -> None:
+        from openmap_eval.commands import run_query
+
+        run_query(self, console)
+
+
+@dataclass(frozen=True)
+class Scenes:
+    """Show what a scene holds: a picture from above, counts, rooms."""
+
+    scene: tyro.conf.Positional[str]
+    """A scene of the catalogue."""
+    out: Path | None = None
+    """Write a contact sheet (plan with labels and views) to this PNG."""
+
+    def run(self, console: Console) -> None:
+        from openmap_eval.commands import run_scenes
+
+        run_scenes(self, console)
+
+
+Command = (
+    Annotated[Eval, tyro.conf.subcommand("eval")]
+    | Annotated[Demo, tyro.conf.subcommand("demo")]
+    | Annotated[Query, tyro.conf.subcommand("query")]
+    | Annotated[Scenes, tyro.conf.subcommand("scenes")]
+)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run the command line; bad input ends in one message and exit status 2, without a traceback."""
+    logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s", stream=sys.stderr)
+    console = Console()
+    command: Eval | Demo | Query | Scenes = tyro.cli(Command, args=arguments, prog="openmap", description=__doc__)  # type: ignore[arg-type]
+    try:
+        command.run(console)
+    except (DataError, ValueError) as error:
+        console.print(f"[bold red]openmap:[/] {error}", soft_wrap=True, highlight=False)
+        raise SystemExit(2) from error
+    except KeyboardInterrupt:
+        console.print("stopped; the same command goes on from here")
+        raise SystemExit(130) from None
+
+
+__all__ = ["Demo", "Eval", "Query", "Scenes", "fields", "main"]

@@ -1,0 +1,122 @@
+"""What the commands of the command line do."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.table import Table
+
+from openmap_eval.console import ProgressBars, print_answers, print_summary
+from openmap_eval.gallery import Gallery
+from openmap_eval.records import RecordFile
+from openmap_eval.report import write_report
+from openmap_eval.runner import EvalSettings, SceneTask, evaluate
+from openmap_eval.video import WalkVideo
+from openmap_scenes import DataError
+
+if TYPE_CHECKING:
+    from openmap_eval.cli import Eval, Query, Scenes
+
+
+def run_eval(command: Eval, console: Console) -> None:
+    """``openmap eval``: evaluate, print the tables, write the report."""
+    settings = EvalSettings(
+        agent=command.agent,
+        perception=command.perception,
+        llm=command.llm,
+        protocol=command.protocol,
+        seed=command.seed,
+        renderer=command.renderer,
+        width=command.width,
+        height=command.height,
+        max_steps=command.max_steps,
+    )
+    evaluate_and_report(_tasks(command), settings, command.out, console, video=command.video)
+
+
+def _tasks(command: Eval) -> list[SceneTask]:
+    if (command.scene is None) == (command.split is None):
+        raise DataError("the command line", "both or neither of --scene and --split", "one of them")
+    episodes = int(command.episodes) if command.episodes.isdigit() else Path(command.episodes)
+    if isinstance(episodes, int) and episodes < 1:
+        raise DataError("--episodes", "0", "at least one, or a file of episodes")
+    if command.scene is not None:
+        return [SceneTask(command.scene, episodes)]
+    split = str(command.split).partition("/")[2]
+    return [SceneTask(f"homes:{split}/{n}", episodes) for n in range(command.homes)]
+
+
+def evaluate_and_report(
+    tasks: list[SceneTask], settings: EvalSettings, out: Path, console: Console, *, video: bool = False
+) -> None:
+    """Run an evaluation with progress, then print its tables and write ``report.html`` beside its records."""
+    out.mkdir(parents=True, exist_ok=True)
+    gallery, film = Gallery(out), out / "walk.mp4"
+    with ExitStack() as stack:
+        bars = stack.enter_context(ProgressBars(console))
+        walk = stack.enter_context(WalkVideo(film)) if video else None
+        summary = evaluate(tasks, settings, out, on_step=walk, on_scene_end=gallery, on_progress=bars)
+    records = RecordFile(out / "episodes.jsonl").records
+    print_answers(console, records)
+    print_summary(console, summary)
+    write_report(
+        out / "report.html",
+        summary,
+        records,
+        maps=gallery.maps,
+        heatmaps=gallery.heatmaps,
+        video=film if film.exists() else None,
+    )
+    console.print(
+        f"written: {', '.join(sorted(p.name for p in out.iterdir() if p.is_file()))} in {out}", soft_wrap=True
+    )
+
+
+def run_query(command: Query, console: Console) -> None:
+    """``openmap query``: the instances of a saved map that fit an instruction best."""
+    from openmap_agents.grounding import Grounder
+    from openmap_agents.mapping import InstanceMap
+    from openmap_agents.perception import make_encoder
+
+    instance_map = InstanceMap.load(command.map)
+    grounding = Grounder(command.llm, encoder=make_encoder("embedded")).ground(command.instruction, instance_map)
+    table = Table(title=f"“{command.instruction}”", title_justify="left", pad_edge=False)
+    for name in ("rank", "instance", "label", "score", "x", "y", "z"):
+        table.add_column(name, justify="left" if name == "label" else "right")
+    best = list(zip(grounding.ranking, grounding.scores, strict=True))[: command.top]
+    for rank, (instance_id, value) in enumerate(best, start=1):
+        instance = instance_map.get(instance_id)
+        table.add_row(
+            str(rank), str(instance_id), instance.label or "?", f"{value:.2f}", *(f"{x:.2f}" for x in instance.centre)
+        )
+    console.print(table)
+    if grounding.choice is None:
+        console.print("nothing in this map fits well")
+    console.print(f"confidence {grounding.confidence:.2f}; metres in the frame that the map was built in")
+
+
+def run_scenes(command: Scenes, console: Console) -> None:
+    """``openmap scenes``: what a scene holds."""
+    from openmap_eval.contact_sheet import contact_sheet
+    from openmap_eval.pictures import write_png
+    from openmap_scenes import load_scene
+
+    scene = load_scene(command.scene)
+    low, high = scene.aabb
+    table = Table(
+        title=f"{scene.name}: {len(scene.faces)} faces, {len(scene.materials)} materials", title_justify="left"
+    )
+    for name in ("room", "things"):
+        table.add_column(name, overflow="fold")
+    for room in scene.rooms:
+        names = [i.category for i in scene.instances if i.room == room.id]
+        counted = {name: names.count(name) for name in sorted(set(names))}
+        table.add_row(room.name, ", ".join(n if c == 1 else f"{n} × {c}" for n, c in counted.items()))
+    console.print(table)
+    console.print(f"{len(scene.instances)} instances; {' × '.join(f'{x:.1f}' for x in high - low)} m (x, y, z)")
+    if command.out:
+        write_png(command.out, contact_sheet(scene))
+        console.print(f"written: {command.out}", soft_wrap=True)

@@ -1,0 +1,235 @@
+"""Runs an agent over episodes: the loop that every figure comes from.
+
+``retrieval``: all instructions of a scene share one start. The agent first walks until it stops by itself or its budget is
+spent, then answers every instruction from the map it has. ``navigation``: every episode by itself, from its own start.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import gymnasium as gym
+import numpy as np
+
+from openmap_agents import make_agent
+from openmap_agents.agent import Agent, Answer, Observation
+from openmap_env.env import OpenMapNavEnv
+from openmap_env.episodes import Episode
+from openmap_eval.records import EpisodeRecord, RecordFile, write_json
+from openmap_eval.summary import summarise
+from openmap_scenes import DataError
+
+STOP = 0
+ANSWERS_KEPT = 16
+
+
+@dataclass(frozen=True)
+class EvalSettings:
+    """What an evaluation's figures depend on, beside its scenes and episodes; written beside them."""
+
+    agent: str = "openmap"
+    perception: str = "embedded"
+    llm: str = "builtin"
+    protocol: Literal["retrieval", "navigation"] = "retrieval"
+    seed: int = 0
+    renderer: str = "opengl"
+    width: int = 640
+    height: int = 480
+    max_steps: int = 2000
+
+
+@dataclass(frozen=True)
+class SceneTask:
+    """A scene and what is asked in it: how many episodes to generate, a file or folder to read, or the episodes themselves."""
+
+    scene: str
+    episodes: int | Path | Sequence[Episode]
+
+
+StepObserver = Callable[[OpenMapNavEnv, Agent, Observation], None]
+"""Called after every observation of a walk, for videos and pictures."""
+
+SceneObserver = Callable[[OpenMapNavEnv, Agent, str], None]
+"""Called when a scene's episodes are done and its environment is still open."""
+
+Progress = Callable[[str, int, int], None]
+"""Called with what is going on, how far it is and how far it may go."""
+
+
+def evaluate(
+    tasks: Sequence[SceneTask],
+    settings: EvalSettings,
+    out: Path,
+    *,
+    on_step: StepObserver | None = None,
+    on_scene_end: SceneObserver | None = None,
+    on_progress: Progress | None = None,
+) -> dict[str, Any]:
+    """Run all episodes that ``out/episodes.jsonl`` does not have yet, and write ``out/summary.json``.
+
+    Returns the summary (see ``summarise``) with the settings.
+
+    Raises
+    ------
+    DataError
+        ``out`` holds an evaluation with other settings.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    _claim(out, settings)
+    records = RecordFile(out / "episodes.jsonl")
+    for task in tasks:
+        env = make_env(task, settings)
+        try:
+            agent, episodes = _enter(env, settings)
+            open_episodes = [e for e in episodes if (task.scene, e.episode_id) not in records.done]
+            if not open_episodes:
+                continue
+            for record in run_scene(env, agent, open_episodes, episodes[0], settings, on_step, on_progress):
+                records.append(record)
+            if on_scene_end:
+                on_scene_end(env.unwrapped, agent, task.scene)
+        finally:
+            env.close()
+    summary = {"settings": asdict(settings), **summarise(records.records, settings.seed)}
+    write_json(out / "summary.json", summary)
+    return summary
+
+
+def _claim(out: Path, settings: EvalSettings) -> None:
+    """Write the settings into a new folder; refuse a folder whose figures come from other settings."""
+    path = out / "settings.json"
+    if not path.exists():
+        write_json(path, asdict(settings))
+        return
+    found = json.loads(path.read_text())
+    different = {key: found.get(key) for key, value in asdict(settings).items() if found.get(key) != value}
+    if different:
+        raise DataError(path, f"an evaluation with {different}", "the settings of this run", "Give another --out.")
+
+
+def make_env(task: SceneTask, settings: EvalSettings) -> gym.Env[Any, Any]:
+    """The environment of a scene, as an evaluation uses it."""
+    how_many = task.episodes if isinstance(task.episodes, int) else None
+    return gym.make(
+        "OpenMapNav-v0",
+        scene=task.scene,
+        episodes=None if how_many is not None else task.episodes,
+        episodes_per_scene=how_many or 1,
+        episode_seed=settings.seed,
+        width=settings.width,
+        height=settings.height,
+        renderer=settings.renderer,
+        protocol=settings.protocol,
+        max_steps=settings.max_steps,
+        disable_env_checker=True,
+    )
+
+
+def _enter(env: gym.Env[Any, Any], settings: EvalSettings) -> tuple[Agent, list[Episode]]:
+    """Load the scene; the agent for it and all of its episodes."""
+    env.reset(seed=settings.seed)
+    agent = make_agent(
+        settings.agent,
+        env,
+        perception=settings.perception,
+        llm=settings.llm,
+        protocol=settings.protocol,
+        seed=settings.seed,
+    )
+    return agent, env.unwrapped.episodes
+
+
+def run_scene(
+    env: gym.Env[Any, Any],
+    agent: Agent,
+    episodes: Sequence[Episode],
+    first: Episode,
+    settings: EvalSettings,
+    on_step: StepObserver | None = None,
+    on_progress: Progress | None = None,
+) -> Iterator[EpisodeRecord]:
+    """Yield the record of each episode of a scene, which the environment has entered.
+
+    ``first`` gives the start that all episodes share in the retrieval protocol, also when an evaluation is resumed.
+    """
+    shared_start = (first.start_position, first.start_heading) if settings.protocol == "retrieval" else None
+    if shared_start is not None:
+        _play(env, agent, first, shared_start, settings, on_step, on_progress, "exploring")
+    for number, episode in enumerate(episodes, start=1):
+        started = time.perf_counter()
+        info, answer = _play(
+            env, agent, episode, shared_start, settings, on_step if shared_start is None else None, None, ""
+        )
+        if on_progress:
+            on_progress("answering", number, len(episodes))
+        yield _record(env.unwrapped, episode, info["metrics"], answer, time.perf_counter() - started)
+
+
+def _play(
+    env: gym.Env[Any, Any],
+    agent: Agent,
+    episode: Episode,
+    start: tuple[tuple[float, float, float], float] | None,
+    settings: EvalSettings,
+    on_step: StepObserver | None,
+    on_progress: Progress | None,
+    what: str,
+) -> tuple[dict[str, Any], Answer | None]:
+    """One episode from reset to its end; the last info and the agent's answer."""
+    options: dict[str, Any] = {"episode": episode}
+    if start is not None:
+        options["start"] = start
+    observation, info = env.reset(seed=settings.seed, options=options)
+    agent.reset(observation, info)
+    over, steps, answer = False, 0, None
+    while not over:
+        if on_step:
+            on_step(env.unwrapped, agent, observation)
+        action = agent.act(observation)
+        if action == STOP:
+            answer = agent.answer()
+            if answer is not None:
+                env.unwrapped.declare(answer.positions)
+        observation, _, terminated, truncated, info = env.step(action)
+        over = terminated or truncated
+        steps += 1
+        if on_progress:
+            on_progress(what, steps, settings.max_steps)
+    return info, answer
+
+
+def _record(
+    env: OpenMapNavEnv, episode: Episode, metrics: dict[str, float], answer: Answer | None, seconds: float
+) -> EpisodeRecord:
+    T_episode_world = np.linalg.inv(env.T_world_episode)
+    kept = (
+        []
+        if answer is None
+        else list(zip(answer.positions[:ANSWERS_KEPT].tolist(), answer.labels[:ANSWERS_KEPT], strict=False))
+    )
+    names = {i.id: i.category for i in env.simulator.scene.instances}
+    return EpisodeRecord(
+        episode_id=episode.episode_id,
+        scene=episode.scene,
+        instruction=episode.instruction,
+        kind=episode.kind,
+        metrics={name: float(value) if math.isfinite(value) else None for name, value in metrics.items()},
+        seconds=round(seconds, 3),
+        answer=[{"position": [round(x, 3) for x in position], "label": label} for position, label in kept],
+        targets=[
+            {
+                "centre": [
+                    round(float(x), 3) for x in T_episode_world[:3, :3] @ np.asarray(t.centre) + T_episode_world[:3, 3]
+                ],
+                "category": names.get(t.instance_id, "place"),
+            }
+            for t in env.episode.targets
+        ],
+        trace={} if answer is None else answer.trace,
+    )
