@@ -51,6 +51,7 @@ def _nearest_reachable(neighbour, ix, iz, origin, size, cell, x, z, tx, tz, limi
     best_x, best_z, best_cell = x, z, cell
     across = 2 * int(np.ceil(radius / size)) + 3
     queue = np.empty(across * across, np.int64)
+    way = np.zeros(across * across)
     queue[0] = cell
     count, head = 1, 0
     while head < count:
@@ -61,7 +62,9 @@ def _nearest_reachable(neighbour, ix, iz, origin, size, cell, x, z, tx, tz, limi
         high_x, high_z = low_x + size * (1.0 - 2e-6), low_z + size * (1.0 - 2e-6)
         px, pz = min(max(tx, low_x), high_x), min(max(tz, low_z), high_z)
         off = np.hypot(tx - px, tz - pz)
-        if off < best and np.hypot(px - x, pz - z) <= limit:
+        straight = np.hypot(px - x, pz - z)
+        # No way around the end of a wall to what lies behind it: the way over the cells is about as long as the straight one.
+        if off < best and straight <= limit and way[head - 1] <= straight + 1.5 * size:
             best, best_x, best_z, best_cell = off, px, pz, i
         for d in range(8):
             j = neighbour[i, d]
@@ -75,7 +78,7 @@ def _nearest_reachable(neighbour, ix, iz, origin, size, cell, x, z, tx, tz, limi
             for k in range(count):
                 known = known or queue[k] == j
             if not known:
-                queue[count] = j
+                queue[count], way[count] = j, way[head - 1] + (size if d < 4 else 1.4142 * size)
                 count += 1
     return best_x, best_z, best_cell
 
@@ -101,8 +104,9 @@ def slide(neighbour, ix, iz, away, origin, size, cell, x, z, dx, dz):  # type: i
         moved = 0.0
         for attempt in range(2):
             share = into if attempt == 0 else 0.0
-            tx, tz = x + stretch * (ux - share * away[cell, 0]), z + stretch * (uz - share * away[cell, 1])
-            end_x, end_z, end_cell = _nearest_reachable(neighbour, ix, iz, origin, size, cell, x, z, tx, tz, stretch)
+            reach = stretch if attempt == 0 else min(stretch, size)
+            tx, tz = x + reach * (ux - share * away[cell, 0]), z + reach * (uz - share * away[cell, 1])
+            end_x, end_z, end_cell = _nearest_reachable(neighbour, ix, iz, origin, size, cell, x, z, tx, tz, reach)
             moved = np.hypot(end_x - x, end_z - z)
             if moved > 0.02 * stretch:
                 break
