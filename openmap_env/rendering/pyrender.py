@@ -32,7 +32,7 @@ from openmap_env.rendering.geometry import (
 from openmap_env.rendering.protocol import Frame, RendererUnavailableError
 from openmap_scenes import PinholeCamera, Scene
 
-# Every primitive costs a quarter of a millisecond of Python, so batches are large.
+# pyrender spends Python time on every primitive of every pass, so batches are large.
 _FACES_PER_PRIMITIVE = 1 << 15
 
 
