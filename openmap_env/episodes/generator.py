@@ -179,10 +179,18 @@ class _Generator:
         unique = [e for e in options if len(e.matches(self.scene)) == 1]
         if plain in unique:
             # The name alone is enough; now and then people say more all the same.
-            return plain if self.rng.random() < 0.7 else self._pick(unique)
+            return plain if self.rng.random() < 0.6 else self._pick_sort(unique)
         if unique and self.rng.random() < 0.7:
-            return self._pick(unique)
-        return self._pick(options) if options else None
+            return self._pick_sort(unique)
+        return self._pick_sort(options) if options else None
+
+    def _pick_sort(self, options: Sequence[Expression]) -> Expression:
+        """One of the phrases, the sorts (by name, looks, room, neighbour) being as likely as each other."""
+        sorts: dict[tuple[bool, bool, bool], list[Expression]] = {}
+        for e in options:
+            looks = e.colour is not None or e.material is not None
+            sorts.setdefault((looks, e.room is not None, e.relation is not None), []).append(e)
+        return self._pick(sorts[self._pick(sorted(sorts))])
 
     def _refined(self, thing: Instance, noun: str) -> list[Expression]:
         colour, material = thing.attributes.get("colour"), thing.attributes.get("material")
