@@ -1,0 +1,149 @@
+"""What is done to triangles before they become furniture: thinning, splitting, turning outside out, normals."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from openmap_scenes.homes.obj import Surface
+
+
+def face_normals(surface: Surface) -> npt.NDArray[np.float64]:
+    """Area vectors (F, 3): the unit normal times twice the area."""
+    a, b, c = (surface.vertices[surface.faces[:, k]] for k in range(3))
+    return np.cross(b - a, c - a)
+
+
+def tidy(surface: Surface) -> Surface:
+    """Merge vertices at the same place and drop faces without area."""
+    _, first, inverse = np.unique(np.round(surface.vertices, 5), axis=0, return_index=True, return_inverse=True)
+    merged = Surface(surface.vertices[first], inverse.reshape(-1)[surface.faces], surface.uv, surface.material)
+    return merged.keep(np.linalg.norm(face_normals(merged), axis=1) > 1e-9)
+
+
+def thin(surface: Surface, target: int) -> Surface:
+    """Decimate to about ``target`` triangles, each material by itself so that no colour bleeds, uv from the nearest corner."""
+    n = len(surface.faces)
+    if n <= target:
+        return surface
+    parts = []
+    for m in np.unique(surface.material).tolist():
+        part = surface.keep(surface.material == m)
+        parts.append(_thin_part(part, max(12, round(len(part.faces) * target / n))))
+    return join(parts)
+
+
+def _thin_part(part: Surface, target: int) -> Surface:
+    if len(part.faces) <= target:
+        return part
+    import open3d as o3d
+    from scipy.spatial import cKDTree
+
+    mesh = o3d.geometry.TriangleMesh(
+        o3d.utility.Vector3dVector(part.vertices), o3d.utility.Vector3iVector(part.faces.astype(np.int32))
+    )
+    mesh = mesh.simplify_quadric_decimation(target)
+    vertices, faces = np.asarray(mesh.vertices).copy(), np.asarray(mesh.triangles).astype(np.int64)
+    if len(faces) == 0:
+        return part
+    uv = np.zeros((len(faces), 3, 2))
+    if part.uv.any():
+        # The old face nearest to a new one tells which uv island it lies on; its plane carries the uv to the new corners.
+        centres = part.vertices[part.faces].mean(1)
+        _, near = cKDTree(centres).query(vertices[faces].mean(1))
+        uv = _carry_uv(part, near, vertices[faces])
+    return Surface(vertices, faces, uv, np.full(len(faces), part.material[0]))
+
+
+def _carry_uv(
+    part: Surface, face: npt.NDArray[np.int64], points: npt.NDArray[np.float64]
+) -> npt.NDArray[np.float64]:
+    """Texture coordinates (N, 3, 2) of points (N, 3, 3) by barycentric coordinates on the old faces (N,), kept near them."""
+    a, b, c = (part.vertices[part.faces[face, k]][:, None] for k in range(3))
+    u, v, w = b - a, c - a, points - a
+    uu, uv, vv = (u * u).sum(-1), (u * v).sum(-1), (v * v).sum(-1)
+    wu, wv = (w * u).sum(-1), (w * v).sum(-1)
+    det = np.maximum(uu * vv - uv * uv, 1e-18)
+    s, t = np.clip((vv * wu - uv * wv) / det, -3, 4), np.clip((uu * wv - uv * wu) / det, -3, 4)
+    old = part.uv[face]
+    return old[:, 0:1] + s[..., None] * (old[:, 1:2] - old[:, 0:1]) + t[..., None] * (old[:, 2:3] - old[:, 0:1])
+
+
+def split(surface: Surface, longest: float) -> Surface:
+    """Halve triangles at their longest edge until no edge exceeds ``longest`` m, so that light can vary over them."""
+    vertices, faces, uv, material = surface.vertices, surface.faces, surface.uv, surface.material
+    for _ in range(40):
+        corners = vertices[faces]
+        edges = np.linalg.norm(corners - corners[:, [1, 2, 0]], axis=2)
+        long = np.flatnonzero(edges.max(1) > longest)
+        if len(long) == 0:
+            break
+        k = edges[long].argmax(1)
+        order = (k[:, None] + np.arange(3)) % 3
+        f, t = np.take_along_axis(faces[long], order, 1), np.take_along_axis(uv[long], order[..., None], 1)
+        pairs, index = np.unique(np.sort(f[:, :2], axis=1), axis=0, return_inverse=True)
+        middle = len(vertices) + index.reshape(-1)
+        vertices = np.concatenate([vertices, vertices[pairs].mean(1)])
+        t_middle = t[:, :2].mean(1)
+        first = np.stack([f[:, 0], middle, f[:, 2]], 1), np.stack([t[:, 0], t_middle, t[:, 2]], 1)
+        second = np.stack([middle, f[:, 1], f[:, 2]], 1), np.stack([t_middle, t[:, 1], t[:, 2]], 1)
+        faces, uv = faces.copy(), uv.copy()
+        faces[long], uv[long] = first
+        faces, uv = np.concatenate([faces, second[0]]), np.concatenate([uv, second[1]])
+        material = np.concatenate([material, material[long]])
+    return Surface(vertices, faces, uv, material)
+
+
+def turn_outward(surface: Surface, rays: int = 24) -> Surface:
+    """Flip faces whose back sees more of the open than their front: library models wind their faces either way."""
+    import open3d as o3d
+
+    scene = o3d.t.geometry.RaycastingScene()
+    scene.add_triangles(surface.vertices.astype(np.float32), surface.faces.astype(np.uint32))
+    normals = face_normals(surface)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    centres = surface.vertices[surface.faces].mean(1)
+    open_front, open_back = np.zeros(len(normals)), np.zeros(len(normals))
+    for direction in sphere(rays):
+        side = np.sign(normals @ direction)
+        origin = centres + 1e-4 * side[:, None] * normals
+        batch = np.concatenate([origin, np.broadcast_to(direction, origin.shape)], 1).astype(np.float32)
+        free = ~np.isfinite(scene.cast_rays(o3d.core.Tensor(batch))["t_hit"].numpy())
+        open_front += free & (side > 0)
+        open_back += free & (side < 0)
+    flip = open_back > open_front
+    faces, uv = surface.faces.copy(), surface.uv.copy()
+    faces[flip], uv[flip] = faces[flip][:, ::-1], uv[flip][:, ::-1]
+    return Surface(surface.vertices, faces, uv, surface.material)
+
+
+def corner_normals(surface: Surface, crease: float = 0.75) -> npt.NDArray[np.float64]:
+    """Unit normals per corner (F, 3, 3): smooth over bends, flat where face and mean differ by more than acos(crease)."""
+    area = face_normals(surface)
+    flat = area / np.maximum(np.linalg.norm(area, axis=1, keepdims=True), 1e-12)
+    total = np.zeros_like(surface.vertices)
+    for k in range(3):
+        np.add.at(total, surface.faces[:, k], area)
+    total /= np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-12)
+    smooth = total[surface.faces]
+    keep = (smooth * flat[:, None]).sum(-1, keepdims=True) > crease
+    return np.where(keep, smooth, flat[:, None])
+
+
+def join(parts: list[Surface]) -> Surface:
+    """Several surfaces, which share their material list, as one."""
+    offsets = np.cumsum([0] + [len(p.vertices) for p in parts[:-1]])
+    return Surface(
+        np.concatenate([p.vertices for p in parts]),
+        np.concatenate([p.faces + o for p, o in zip(parts, offsets, strict=True)]),
+        np.concatenate([p.uv for p in parts]),
+        np.concatenate([p.material for p in parts]),
+    )
+
+
+def sphere(n: int) -> npt.NDArray[np.float64]:
+    """``n`` unit vectors (n, 3) spread evenly over the sphere (Fibonacci's spiral)."""
+    k = np.arange(n) + 0.5
+    y, phi = 1.0 - 2.0 * k / n, np.pi * (1.0 + 5.0**0.5) * k
+    r = np.sqrt(1.0 - y * y)
+    return np.stack([r * np.cos(phi), y, r * np.sin(phi)], 1)

@@ -1,0 +1,137 @@
+"""Surfaces of rooms and flat things painted from noise: floors, walls, rugs, pictures, the view from a window. sRGB uint8."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.ndimage import gaussian_filter
+
+Image = npt.NDArray[np.uint8]
+Colour = tuple[float, float, float]
+
+WOODS: tuple[Colour, ...] = (
+    (0.72, 0.53, 0.34), (0.58, 0.39, 0.23), (0.44, 0.28, 0.17), (0.80, 0.66, 0.48), (0.62, 0.55, 0.47),
+)  # fmt: skip
+WALLS: tuple[Colour, ...] = (
+    (0.93, 0.91, 0.87), (0.88, 0.86, 0.80), (0.84, 0.87, 0.85), (0.82, 0.85, 0.90), (0.92, 0.86, 0.75),
+    (0.85, 0.80, 0.74), (0.78, 0.84, 0.76), (0.90, 0.82, 0.80), (0.95, 0.95, 0.94), (0.74, 0.80, 0.84),
+)  # fmt: skip
+CARPETS: tuple[Colour, ...] = ((0.70, 0.66, 0.60), (0.52, 0.55, 0.60), (0.60, 0.50, 0.44), (0.45, 0.50, 0.44))
+TILES: tuple[Colour, ...] = (
+    (0.86, 0.86, 0.84), (0.70, 0.74, 0.76), (0.80, 0.74, 0.66), (0.62, 0.72, 0.74), (0.55, 0.55, 0.56),
+)  # fmt: skip
+ACCENTS: tuple[Colour, ...] = (
+    (0.70, 0.18, 0.16), (0.16, 0.32, 0.58), (0.85, 0.62, 0.18), (0.22, 0.45, 0.30), (0.48, 0.25, 0.45),
+    (0.90, 0.86, 0.78), (0.18, 0.18, 0.20), (0.30, 0.60, 0.65), (0.86, 0.45, 0.25),
+)  # fmt: skip
+
+
+def _image(values: npt.NDArray[np.floating]) -> Image:
+    return np.asarray(np.round(np.clip(values, 0.0, 1.0) * 255.0), np.uint8)
+
+
+def noise(rng: np.random.Generator, shape: tuple[int, int], sigma: float | tuple[float, float]) -> npt.NDArray[np.float64]:
+    """Smooth noise (h, w) that wraps around, mean 0, standard deviation 1."""
+    field = gaussian_filter(rng.standard_normal(shape), sigma, mode="wrap")
+    return np.asarray((field - field.mean()) / max(float(field.std()), 1e-9))
+
+
+def pick(rng: np.random.Generator, colours: tuple[Colour, ...]) -> npt.NDArray[np.float64]:
+    """One of the colours (3,), a little off."""
+    return np.clip(np.array(colours[int(rng.integers(len(colours)))]) + rng.normal(0, 0.02, 3), 0.02, 0.98)
+
+
+def wood_planks(rng: np.random.Generator, size: int = 256, rows: int = 8) -> Image:
+    """Planks along u; the picture spans ``rows`` planks."""
+    base = pick(rng, WOODS)
+    height = size // rows
+    grain = 0.035 * noise(rng, (size, size), (0.7, 18)) + 0.02 * noise(rng, (size, size), (2, 40))
+    tone = np.zeros((size, size))
+    for row in range(rows):
+        cut, band = int(rng.integers(size)), slice(row * height, (row + 1) * height)
+        tone[band] += rng.normal(0, 0.045)
+        second = (np.arange(size) - cut) % size < size // 2
+        tone[band, second] += rng.normal(0, 0.045)
+        tone[band, [cut, (cut + size // 2) % size]] -= 0.16
+        tone[row * height] -= 0.14
+    return _image(base * (1.0 + (grain + tone)[..., None] * 1.4))
+
+
+def tiles(rng: np.random.Generator, size: int = 256, count: int = 4) -> Image:
+    """``count`` x ``count`` tiles with joints."""
+    size -= size % count
+    base, edge = pick(rng, TILES), size // count
+    shade = np.repeat(np.repeat(rng.normal(0, 0.025, (count, count)), edge, 0), edge, 1)
+    shade = shade + 0.012 * noise(rng, (size, size), 3.0)
+    joint = (np.arange(size) % edge < 2)[:, None] | (np.arange(size) % edge < 2)[None, :]
+    return _image(np.where(joint[..., None], base * 0.72, base * (1.0 + shade[..., None])))
+
+
+def carpet(rng: np.random.Generator, size: int = 256) -> Image:
+    """Short pile: fine noise over large soft spots."""
+    shade = 0.07 * noise(rng, (size, size), 0.8) + 0.025 * noise(rng, (size, size), 14.0)
+    return _image(pick(rng, CARPETS) * (1.0 + shade[..., None]))
+
+
+def plaster(rng: np.random.Generator, size: int = 256) -> Image:
+    """Painted wall."""
+    shade = 0.008 * noise(rng, (size, size), 1.0) + 0.014 * noise(rng, (size, size), 20.0)
+    return _image(pick(rng, WALLS) * (1.0 + shade[..., None]))
+
+
+def wallpaper(rng: np.random.Generator, size: int = 256) -> Image:
+    """Soft vertical stripes."""
+    base, u = pick(rng, WALLS), np.arange(size)
+    stripes = 0.04 * np.sign(np.sin(2 * np.pi * u * int(rng.integers(4, 9)) / size + 0.01))
+    return _image(base * (1.0 + stripes[None, :, None] + 0.012 * noise(rng, (size, size), 1.5)[..., None]))
+
+
+def rug(rng: np.random.Generator, size: int = 192) -> Image:
+    """A border or stripes or lozenges in two or three colours."""
+    a, b, c = pick(rng, ACCENTS), pick(rng, ACCENTS), pick(rng, ACCENTS)
+    v, u = np.mgrid[0:size, 0:size] / size
+    edge = np.minimum(np.minimum(u, 1 - u), np.minimum(v, 1 - v))
+    style, n = int(rng.integers(3)), int(rng.integers(4, 9))
+    if style == 0:
+        inside = (np.abs((u * n) % 1 - 0.5) + np.abs((v * n) % 1 - 0.5)) < 0.3
+    elif style == 1:
+        inside = (v * n * 2) % 2 < 1
+    else:
+        inside = (np.hypot(u - 0.5, v - 0.5) * n * 2) % 2 < 1
+    rgb = np.where(inside[..., None], b, a)
+    rgb = np.where(((edge > 0.03) & (edge < 0.07))[..., None], c, np.where((edge <= 0.03)[..., None], b, rgb))
+    return _image(rgb * (1.0 + 0.06 * noise(rng, (size, size), 0.8)[..., None]))
+
+
+def painting(rng: np.random.Generator, size: int = 160) -> Image:
+    """A landscape, blocks or strokes."""
+    v, u = np.mgrid[0:size, 0:size] / size
+    style = int(rng.integers(3))
+    if style == 0:
+        rgb = (1 - v[..., None]) * np.array([0.45, 0.62, 0.82]) + v[..., None] * np.array([0.93, 0.85, 0.72])
+        for k in range(4):
+            ridge = 0.45 + 0.12 * k + 0.05 * noise(rng, (1, size), (0, 12.0))
+            rgb = np.where((v > ridge)[..., None], pick(rng, ((0.25, 0.42, 0.30), (0.42, 0.48, 0.28), (0.3, 0.34, 0.42))), rgb)
+    elif style == 1:
+        rgb = np.full((size, size, 3), pick(rng, WALLS))
+        for _ in range(9):
+            x, y, w, h = rng.uniform(0, 0.8), rng.uniform(0, 0.8), rng.uniform(0.1, 0.5), rng.uniform(0.1, 0.5)
+            rgb = np.where(((u > x) & (u < x + w) & (v > y) & (v < y + h))[..., None], pick(rng, ACCENTS), rgb)
+    else:
+        rgb = np.full((size, size, 3), pick(rng, WALLS))
+        for _ in range(5):
+            blot = noise(rng, (size, size), float(rng.uniform(10, 26)))
+            rgb = np.where((blot > 1.0)[..., None], pick(rng, ACCENTS), rgb)
+    return _image(rgb * (1.0 + 0.03 * noise(rng, (size, size), 1.0)[..., None]))
+
+
+def outdoors(rng: np.random.Generator, size: int = 128) -> Image:
+    """What a window shows: bright sky, trees far away, a lawn."""
+    v = np.linspace(0, 1, size)[:, None]
+    sky = (1 - v[..., None]) * np.array([0.72, 0.84, 0.96]) + v[..., None] * np.array([0.97, 0.98, 0.99])
+    clouds = np.clip(noise(rng, (size, size), (4.0, 10.0)) - 0.4, 0, 1)[..., None]
+    rgb = sky * (1 - 0.5 * clouds) + 0.5 * clouds
+    trees = 0.62 + 0.03 * noise(rng, (1, size), (0, 4.0))
+    leaves = np.array([0.50, 0.60, 0.44]) * (1 + 0.12 * noise(rng, (size, size), 1.5)[..., None])
+    rgb = np.where((v > trees)[..., None], leaves, rgb)
+    return _image(np.where((v > 0.82)[..., None] & np.ones((1, size, 1), bool), np.array([0.62, 0.72, 0.50]), rgb))
