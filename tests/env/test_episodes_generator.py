@@ -160,6 +160,8 @@ def test_starts_are_navigable_and_lead_to_a_target(made):
 def test_a_guided_way_is_the_shortest_and_leads_through_the_rooms_it_names(made):
     scene, surface, episodes = made
     guided = [e for e in episodes if e.kind == "language_guided"]
+    if scene.name == "toy":
+        guided += generate_episodes(scene, "toy:0", surface, 60, np.random.default_rng(7), kinds=("language_guided",))
     for episode in guided:
         rooms = episode.info["rooms"]
         start_room = scene.room_of(np.add(episode.start_position, (0.0, 0.3, 0.0)))
@@ -203,6 +205,8 @@ def test_attributes_single_out_what_the_name_does_not(toy_scene):
     assert len(Expression("chair").matches(toy_scene)) == 3, "armchairs are chairs"
     assert Expression("vase", relation=Relation("on", "table")).say(toy_scene) == "the vase on the table"
     assert Expression("picture", relation=Relation("above", "sofa")).matches(toy_scene)
+    assert not Expression("vase", relation=Relation("next to", "table")).matches(toy_scene), "it stands on it"
+    assert not Expression("table", relation=Relation("next to", "vase")).matches(toy_scene)
     assert not Expression("wall").matches(toy_scene)
     wooden = Expression("dining table", material="wood", room="kitchen")
     assert wooden.say(toy_scene) == "the wooden dining table in the kitchen"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -109,6 +110,16 @@ def test_distance_to_goal_goes_around_walls(toy_scene, toy_surface):
     places = places_at(toy_surface, toy_scene, target, island=0)
     assert len(places) > 0
     assert (places[:, 0] > 2.0).all(), "touching it from its own room"
+
+
+def test_the_far_side_of_a_wall_is_no_place_to_reach_a_picture_from(toy_scene, toy_surface):
+    # On the living room's wall, over an armchair: the kitchen behind the wall is nearer than any place in the living room.
+    target = replace(box((1.92, 1.6, -1.55), (0.04, 0.3, 0.4)), instance_id=0)
+    places = places_at(toy_surface, toy_scene, target, island=0)
+    assert len(places) > 0
+    assert (places[:, 0] < 2.0).all()
+    roomless = replace(toy_scene, rooms=[])
+    assert (places_at(toy_surface, roomless, target, island=0)[:, 0] > 2.0).any(), "only the rooms tell"
 
 
 def test_what_stands_on_a_table_is_reached_from_beside_the_table(toy_scene, toy_surface):
