@@ -178,3 +178,24 @@ def test_walls_of_two_things_become_two_instances() -> None:
     assert all(len({int(v[0]) for v in i.views} & {2}) == 0 for i in found.instances), "the spanning mask was kept"
     left, right = sorted(found.instances, key=lambda i: float(i.centre[0]))
     assert float(left.aabb_max[0]) < float(right.aabb_min[0])
+
+
+def test_features_part_what_structure_would_join() -> None:
+    """Two frames of three see a picture as part of its wall: structure alone joins them, features that differ do not."""
+    choice = replace(SMALL, tau_structural=0.6, tau_undersegmented=0.5)
+    world = np.full((18, 26), 1, np.int32)
+    world[6:10, 8:14] = 2
+    frames: list[Frame] = []
+    for k in range(12):
+        depth, labels = look(world, 4 + k % 4, 3 + k // 4)
+        labels = labels if k % 3 == 0 else np.minimum(labels, 1)
+        frames.append((depth, labels, np.eye(3)[:2], pose(4 + k % 4, 3 + k // 4)))
+    plain: list[Frame] = [(depth, labels, None, T) for depth, labels, _, T in frames]
+
+    def labels_of(given: list[Frame]) -> list[set[int]]:
+        assert_same(run(given, choice), reference_map(CAMERA, given, choice), choice)
+        return [{int(v) for v in i.views[:, 1]} for i in run(given, choice)]
+
+    product = replace(choice, semantics="product", tau_overlap=1.0)
+    assert labels_of(plain) == [{1, 2}]
+    assert sorted(map(sorted, [{int(v) for v in i.views[:, 1]} for i in run(frames, product)])) == [[1], [2]]

@@ -68,11 +68,12 @@ def rows_by(owner: IntArray, n_rows: int, value: IntArray, use: npt.NDArray[np.b
 
 
 @numba.njit(cache=True)
-def _invert(start, values, n):  # type: ignore[no-untyped-def]
+def _invert(start, values, n, use):  # type: ignore[no-untyped-def]
+    """Which rows hold each of the values 0..n - 1, of entries in ``use``."""
     owner = np.empty(len(values), np.int32)
     for i in range(len(start) - 1):
         owner[start[i] : start[i + 1]] = i
-    return _rows_by(values, n, owner, np.ones(len(values), np.bool_))
+    return _rows_by(values, n, owner, use)
 
 
 def initial_nodes(
@@ -129,7 +130,8 @@ def observer_schedule(nodes: Nodes, n_frames: int, settings: MappingSettings) ->
     """N_o of each round (``reference.observer_schedule``)."""
     rows = nodes.observers
     longest = int(np.diff(rows.start).max(initial=0))
-    histogram = _histogram(rows.start, rows.values, *_invert(rows.start, rows.values, n_frames), longest)
+    by_frame = _invert(rows.start, rows.values, n_frames, np.ones(len(rows.values), np.bool_))
+    histogram = _histogram(rows.start, rows.values, *by_frame, longest)
     upto = np.cumsum(histogram)
     schedule = []
     for percent in range(settings.observer_start, -1, -settings.observer_step):
@@ -246,7 +248,9 @@ def merge_round(
     weight: SemanticWeight,
 ) -> Nodes:
     """One round (``reference.merge_round``); returns ``nodes`` itself if nothing merged. ``features`` (S, D), zeros = none."""
-    by_container = _invert(nodes.containers.start, nodes.containers.values, len(segment_frame))
+    # Only nodes with enough observers of their own can have enough in common.
+    able = np.repeat(np.diff(nodes.observers.start) > n_o, np.diff(nodes.containers.start))
+    by_container = _invert(nodes.containers.start, nodes.containers.values, len(segment_frame), able)
     parent = _components(
         n_o, nodes.observers.start, nodes.observers.values, nodes.containers.start, nodes.containers.values,
         *by_container, segment_frame, n_frames, nodes.representative, features,

@@ -99,21 +99,61 @@ def _check_features(features: npt.NDArray[np.generic], max_label: int) -> npt.ND
 
 
 @numba.njit(cache=True)
-def _voxels_of_pixels(depth, masks, fx, fy, cx, cy, T, voxel, max_depth, cells, labels):  # type: ignore[no-untyped-def]
-    """Fill ``cells`` (K, 3) int64 and ``labels`` (K,) with the voxel and label of every pixel that has depth; return K."""
-    count = 0
+def _points_of_pixels(depth, fx, fy, cx, cy, T, max_depth):  # type: ignore[no-untyped-def]
+    """World points (H, W, 3) float64 m; NaN without a reading."""
+    points = np.full((*depth.shape, 3), np.nan)
     for v in range(depth.shape[0]):
         y = -(v - cy) / fy
         for u in range(depth.shape[1]):
             d = np.float64(depth[v, u])
-            if not (d > 0.0 and d <= max_depth):
+            if d > 0.0 and d <= max_depth:
+                x = (u - cx) / fx
+                for axis in range(3):
+                    points[v, u, axis] = d * (T[axis, 0] * x + T[axis, 1] * y - T[axis, 2]) + T[axis, 3]
+    return points
+
+
+@numba.njit(cache=True)
+def _steps_between(points, masks, v, u, voxel, max_gap):  # type: ignore[no-untyped-def]
+    """Into how many steps the patch from pixel (v, u) to (v + 1, u + 1) must be cut to leave no voxel out; 1 = not at all."""
+    if v + 1 == points.shape[0] or u + 1 == points.shape[1]:
+        return 1
+    label = masks[v, u]
+    if masks[v, u + 1] != label or masks[v + 1, u] != label or masks[v + 1, u + 1] != label:
+        return 1
+    longest = 0.0
+    for a, b, c, d in ((v, u, v, u + 1), (v, u, v + 1, u), (v + 1, u + 1, v, u + 1), (v + 1, u + 1, v + 1, u)):
+        square = 0.0
+        for axis in range(3):
+            square += (points[a, b, axis] - points[c, d, axis]) ** 2
+        if not square <= max_gap * max_gap:
+            return 1
+        longest = max(longest, square)
+    return max(1, int(np.ceil(np.sqrt(longest) / voxel)))
+
+
+@numba.njit(cache=True)
+def _voxels_of_points(points, masks, voxel, max_gap, cells, labels):  # type: ignore[no-untyped-def]
+    """Fill ``cells`` (K, 3) and ``labels`` (K,); return how many there are, also where they do not fit."""
+    count, room = 0, len(labels)
+    for v in range(points.shape[0]):
+        for u in range(points.shape[1]):
+            if np.isnan(points[v, u, 0]):
                 continue
-            x = (u - cx) / fx
-            for axis in range(3):
-                p = d * (T[axis, 0] * x + T[axis, 1] * y - T[axis, 2]) + T[axis, 3]
-                cells[count, axis] = np.int64(np.floor(p / voxel + GRID_OFFSET))
-            labels[count] = masks[v, u]
-            count += 1
+            steps = _steps_between(points, masks, v, u, voxel, max_gap)
+            for i in range(steps):
+                for j in range(steps):
+                    if count < room:
+                        s, t = i / steps, j / steps
+                        for axis in range(3):
+                            p = points[v, u, axis]
+                            if steps > 1:
+                                p = (1 - s) * ((1 - t) * p + t * points[v, u + 1, axis]) + s * (
+                                    (1 - t) * points[v + 1, u, axis] + t * points[v + 1, u + 1, axis]
+                                )
+                            cells[count, axis] = np.int64(np.floor(p / voxel + GRID_OFFSET))
+                        labels[count] = masks[v, u]
+                    count += 1
     return count
 
 
@@ -124,13 +164,21 @@ def pixel_voxels(
     T_world_camera: npt.NDArray[np.float64],
     settings: MappingSettings,
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int32]]:
-    """Voxel cells (K, 3) int64 and labels (K,) int32 of the pixels that have depth, row by row."""
-    cells, labels = np.empty((depth.size, 3), np.int64), np.empty(depth.size, np.int32)
-    count = _voxels_of_pixels(
-        depth, masks, camera.fx, camera.fy, camera.cx, camera.cy, T_world_camera,
-        settings.voxel_size, settings.max_depth, cells, labels,
+    """Voxel cells (K, 3) int64 and labels (K,) int32 of the pixels that have depth, row by row.
+
+    Where four neighbours of one label lie further apart than a voxel, but no edge is longer than ``max_gap``, the patch between
+    them is sampled too: else a far or slanted surface would be a sieve, and no two frames would see the same of it.
+    """
+    points = _points_of_pixels(
+        depth, camera.fx, camera.fy, camera.cx, camera.cy, T_world_camera, settings.max_depth
     )  # fmt: skip
-    return cells[:count], labels[:count]
+    count = 2 * depth.size
+    while True:
+        cells, labels = np.empty((count, 3), np.int64), np.empty(count, np.int32)
+        needed = _voxels_of_points(points, masks, settings.voxel_size, settings.max_gap, cells, labels)
+        if needed <= count:
+            return cells[:needed], labels[:needed]
+        count = needed
 
 
 def pack_cells(cells: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
@@ -156,6 +204,21 @@ def large_enough(masks: npt.NDArray[np.int32], settings: MappingSettings) -> npt
     pixels[0] = 0
     pixels[pixels < settings.min_mask_pixels] = 0
     return np.asarray(pixels, np.int64)
+
+
+@numba.njit(cache=True)
+def _codes(cells, label, n):  # type: ignore[no-untyped-def]
+    """(code (K,), lowest cell (3,), extent (3,)): code = place in the box of the cells * n + label."""
+    low, high = cells[0].copy(), cells[0].copy()
+    for i in range(len(cells)):
+        for axis in range(3):
+            low[axis], high[axis] = min(low[axis], cells[i, axis]), max(high[axis], cells[i, axis])
+    span = high - low + 1
+    codes = np.empty(len(cells), np.int64)
+    for i in range(len(cells)):
+        x, y, z = cells[i, 0] - low[0], cells[i, 1] - low[1], cells[i, 2] - low[2]
+        codes[i] = ((x * span[1] + y) * span[2] + z) * n + label[i]
+    return codes, low, span
 
 
 @numba.njit(cache=True)
@@ -193,11 +256,8 @@ def frame_voxels(
         empty = np.empty(0, np.int32)
         return FrameVoxels(np.empty(0, np.int64), empty, empty, empty, empty)
     # Codes relative to the frame's own box leave room for the label in 64 bits and sort in the order of the global keys.
-    low = cells.min(0)
-    span = cells.max(0) - low + 1
     n = len(used) + 1
-    local = cells - low
-    codes = ((local[:, 0] * span[1] + local[:, 1]) * span[2] + local[:, 2]) * n + new_label[labels]
+    codes, low, span = _codes(cells, new_label[labels], n)
     codes.sort()
     voxel, mask = np.empty(len(codes), np.int64), np.empty(len(codes), np.int32)
     count = _majority(codes, n, voxel, mask)

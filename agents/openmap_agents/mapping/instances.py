@@ -32,7 +32,11 @@ def pieces_of(
     if len(members) < settings.min_masks:
         return []
     voxels = np.unique(np.concatenate([segments.voxels(m) for m in members]))
-    voxels = voxels[store.kept(voxels, members, settings.detection_ratio, segments.frame)]
+    has_member = np.zeros(segments.n_frames, np.int8)
+    has_member[segments.frame[members]] = 1
+    role = has_member[segments.frame]
+    role[members] = 2
+    voxels = voxels[store.kept(voxels, role, settings.detection_ratio)]
     if len(voxels) < settings.min_voxels:
         return []
     keys = store.keys(voxels)

@@ -93,7 +93,10 @@ def _digest(array: npt.NDArray[Any]) -> str:
 
 
 def _to_columns(instances: list[MapInstance]) -> dict[str, npt.NDArray[Any]]:
-    dim = max((len(i.feature) for i in instances if i.feature is not None), default=0)
+    dims = sorted({len(i.feature) for i in instances if i.feature is not None})
+    if len(dims) > 1:
+        raise ValueError(f"the map has features of {' and '.join(map(str, dims))} dimensions, expected one length")
+    dim = dims[0] if dims else 0
     nothing, black = np.zeros(dim, np.float32), np.zeros(3, np.uint8)
 
     def joined(arrays: list[npt.NDArray[Any]], width: int) -> npt.NDArray[Any]:
@@ -105,7 +108,9 @@ def _to_columns(instances: list[MapInstance]) -> dict[str, npt.NDArray[Any]]:
         "confidence": [i.confidence for i in instances],
         "is_structure": [i.is_structure for i in instances],
         "has_feature": [i.feature is not None for i in instances],
-        "feature": np.array([nothing if i.feature is None else i.feature for i in instances]).reshape(-1, dim),
+        "feature": np.array([nothing if i.feature is None else i.feature for i in instances]).reshape(
+            len(instances), dim
+        ),
         "has_colour": [i.colour is not None for i in instances],
         "colour": np.array([black if i.colour is None else i.colour for i in instances]).reshape(-1, 3),
         "point_count": [len(i.points) for i in instances],

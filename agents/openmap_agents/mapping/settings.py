@@ -24,6 +24,9 @@ class MappingSettings:
         Edge of a voxel, m. Code: 0.03; ours: 0.04, half as many voxels for boxes that differ by under a centimetre.
     max_depth : float
         Readings beyond it are ignored, m. Code: 20; ours: 10, where one pixel of a small picture outgrows a voxel.
+    max_gap : float
+        A surface is filled between neighbouring pixels of one mask up to this far apart, m; 0 = not at all. Ours, for small
+        pictures: a pixel of a 128 pixel wide picture is 5 cm at 3 m.
     min_mask_pixels : int
         Smaller masks count as unlabelled. Code: 400 of 640 x 480; ours is lower, for small pictures and small things.
     min_mask_voxels : int
@@ -39,7 +42,8 @@ class MappingSettings:
     tau_thres : float
         Nodes merge where R_struc * R_seman is at least this. Paper: 0.6.
     tau_structural : float
-        The same threshold where features say nothing. MaskClustering: 0.9.
+        The same threshold where features say nothing. MaskClustering: 0.9, but there only frames that contain a mask are its
+        observers; ours: 0.8, measured with the paper's observers.
     tau_undersegmented : float
         A mask that is split in more than this share of its observers is under-segmented. Code: 0.3.
     observer_start, observer_step : int
@@ -65,13 +69,14 @@ class MappingSettings:
 
     voxel_size: float = 0.04
     max_depth: float = 10.0
+    max_gap: float = 0.25
     min_mask_pixels: int = 30
     min_mask_voxels: int = 8
     visibility: Visibility = "labelled"
     tau_obs: float = 0.3
     tau_sub: float = 0.8
     tau_thres: float = 0.6
-    tau_structural: float = 0.9
+    tau_structural: float = 0.8
     tau_undersegmented: float = 0.3
     observer_start: int = 95
     observer_step: int = 5
@@ -82,10 +87,11 @@ class MappingSettings:
     min_voxels: int = 8
     tau_overlap: float = 0.8
     top_k: int = 5
-    max_views: int = 40
+    max_views: int = 15
     min_novelty: float = 0.1
 
     def __post_init__(self) -> None:
+        self._require("max_gap", lambda x: 0 <= x < 1, "at least 0 and below 1")
         for name in ("voxel_size", "max_depth", "split_distance"):
             self._require(name, lambda x: math.isfinite(x) and x > 0, "finite and positive")
         for name in (

@@ -1,8 +1,8 @@
 """What the online map remembers of every voxel: which frames saw it, and under which mask.
 
-A voxel's key leads through an open-addressing hash to its number; its sightings are a linked list in one growing pool. A frame
-visits the voxels that it sees and nothing else. A sighting names a *segment*: every frame has one for "no mask" followed by its masks, so
-a segment says both frame and mask, and segments ascend with frames.
+A voxel's key leads through an open-addressing hash to its number; its sightings lie in a chain of blocks in one growing pool, the
+newest block first. A frame visits the voxels that it sees and nothing else. A sighting names a *segment*: every frame has one
+for "no mask" followed by its masks, so a segment says both frame and mask, and segments ascend with frames.
 """
 
 from __future__ import annotations
@@ -14,6 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 _EMPTY = -1
+# Sightings in a block; with the number of the next block it fills half a cache line.
+_BLOCK = 7
 
 
 def grown(array: npt.NDArray[Any], size: int, fill: int = 0) -> npt.NDArray[Any]:
@@ -53,63 +55,66 @@ def _insert(keys, values, table_key, table_value):  # type: ignore[no-untyped-de
 
 
 @numba.njit(cache=True)
-def _count_overlaps(voxels, mask, n, head, pool_segment, pool_next, row_of_segment):  # type: ignore[no-untyped-def]
-    """Rows of old segments met and their (segments, n + 1) counts of common voxels with the frame's masks 0..n."""
+def _count_overlaps(voxels, mask, n, head, views, pool, row_of_segment):  # type: ignore[no-untyped-def]
+    """Old segments met (R,) and the counts (R, n + 1) of voxels that they share with the frame's masks 0..n."""
     rows, capacity = 0, 256
     segments, counts = np.empty(capacity, np.int32), np.zeros((capacity, n + 1), np.int32)
     for i in range(len(voxels)):
         if voxels[i] < 0:
             continue
-        entry = head[voxels[i]]
-        while entry >= 0:
-            segment = pool_segment[entry]
-            row = row_of_segment[segment]
-            if row < 0:
-                if rows == capacity:
-                    capacity *= 2
-                    more_segments, more_counts = np.empty(capacity, np.int32), np.zeros((capacity, n + 1), np.int32)
-                    more_segments[:rows], more_counts[:rows] = segments, counts
-                    segments, counts = more_segments, more_counts
-                row = rows
-                rows += 1
-                row_of_segment[segment], segments[row] = row, segment
-            counts[row, mask[i]] += 1
-            entry = pool_next[entry]
+        block, left = head[voxels[i]], views[voxels[i]]
+        while left > 0:
+            n_here = (left - 1) % _BLOCK + 1
+            for k in range(n_here):
+                segment = pool[block, k]
+                row = row_of_segment[segment]
+                if row < 0:
+                    if rows == capacity:
+                        capacity *= 2
+                        more_segments, more_counts = np.empty(capacity, np.int32), np.zeros((capacity, n + 1), np.int32)
+                        more_segments[:rows], more_counts[:rows] = segments, counts
+                        segments, counts = more_segments, more_counts
+                    row = rows
+                    rows += 1
+                    row_of_segment[segment], segments[row] = row, segment
+                counts[row, mask[i]] += 1
+            left -= n_here
+            block = pool[block, _BLOCK]
     for row in range(rows):
         row_of_segment[segments[row]] = -1
     return segments[:rows], counts[:rows]
 
 
 @numba.njit(cache=True)
-def _append_sightings(voxels, mask, base, start, head, views, pool_segment, pool_next):  # type: ignore[no-untyped-def]
+def _append_sightings(voxels, mask, base, n_blocks, head, views, pool):  # type: ignore[no-untyped-def]
+    """Add a sighting to each voxel; return the number of blocks then in use. The pool has room for one more block each."""
     for i in range(len(voxels)):
-        entry, v = start + i, voxels[i]
-        pool_segment[entry], pool_next[entry] = base + mask[i], head[v]
-        head[v] = entry
+        v = voxels[i]
+        place = views[v] % _BLOCK
+        if place == 0:
+            pool[n_blocks, _BLOCK] = head[v]
+            head[v] = n_blocks
+            n_blocks += 1
+        pool[head[v], place] = base + mask[i]
         views[v] += 1
+    return n_blocks
 
 
 @numba.njit(cache=True)
-def _kept_voxels(voxels, members, ratio, head, pool_segment, pool_next, segment_frame, is_member, is_frame):  # type: ignore[no-untyped-def]
-    """Which of a node's voxels its masks hold in more than ``ratio`` of their frames that see it (bool); scratch is left clean."""
+def _kept_voxels(voxels, role, ratio, head, views, pool):  # type: ignore[no-untyped-def]
     keep = np.empty(len(voxels), np.bool_)
-    for m in members:
-        is_member[m] = True
-        is_frame[segment_frame[m]] = True
     for i in range(len(voxels)):
         held, seen = 0, 0
-        entry = head[voxels[i]]
-        while entry >= 0:
-            segment = pool_segment[entry]
-            if is_frame[segment_frame[segment]]:
-                seen += 1
-                if is_member[segment]:
-                    held += 1
-            entry = pool_next[entry]
+        block, left = head[voxels[i]], views[voxels[i]]
+        while left > 0:
+            n_here = (left - 1) % _BLOCK + 1
+            for k in range(n_here):
+                r = role[pool[block, k]]
+                held += r == 2
+                seen += r > 0
+            left -= n_here
+            block = pool[block, _BLOCK]
         keep[i] = held > ratio * seen
-    for m in members:
-        is_member[m] = False
-        is_frame[segment_frame[m]] = False
     return keep
 
 
@@ -122,10 +127,9 @@ class VoxelStore:
         self._keys = np.empty(1 << 13, np.int64)
         self._head = np.full(1 << 13, -1, np.int32)
         self._views = np.zeros(1 << 13, np.int32)
-        self._pool_segment = np.empty(1 << 15, np.int32)
-        self._pool_next = np.empty(1 << 15, np.int32)
+        self._pool = np.empty((1 << 13, _BLOCK + 1), np.int32)
+        self._n_blocks = 0
         self._row_of_segment = np.full(1 << 10, -1, np.int32)
-        self._is_member = np.zeros(1 << 10, np.bool_)
         self.n_voxels = 0
         self.n_sightings = 0
 
@@ -148,7 +152,7 @@ class VoxelStore:
     ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
         """Segments (R,) that share voxels with a frame, ascending, and how many with each of its masks: (R, n_masks + 1)."""
         segments, counts = _count_overlaps(
-            voxels, mask, n_masks, self._head, self._pool_segment, self._pool_next, self._row_of_segment
+            voxels, mask, n_masks, self._head, self._views, self._pool, self._row_of_segment
         )
         order = np.argsort(segments)
         return segments[order], counts[order]
@@ -174,14 +178,10 @@ class VoxelStore:
         _insert(keys[new], voxels[new], self._table_key, self._table_value)
         self.n_voxels = end
 
-        total = self.n_sightings + len(voxels)
-        self._pool_segment, self._pool_next = grown(self._pool_segment, total), grown(self._pool_next, total)
+        self._pool = grown(self._pool, self._n_blocks + len(voxels))
         self._row_of_segment = grown(self._row_of_segment, n_segments, -1)
-        self._is_member = grown(self._is_member, n_segments)
-        _append_sightings(
-            voxels, mask, base, self.n_sightings, self._head, self._views, self._pool_segment, self._pool_next
-        )
-        self.n_sightings = total
+        self._n_blocks = _append_sightings(voxels, mask, base, self._n_blocks, self._head, self._views, self._pool)
+        self.n_sightings += len(voxels)
         return voxels
 
     def _grow_table(self, n_voxels: int) -> None:
@@ -195,25 +195,10 @@ class VoxelStore:
             self._keys[: self.n_voxels], np.arange(self.n_voxels, dtype=np.int32), self._table_key, self._table_value
         )
 
-    def kept(
-        self,
-        voxels: npt.NDArray[np.int32],
-        members: npt.NDArray[np.int32],
-        ratio: float,
-        segment_frame: npt.NDArray[np.int32],
-    ) -> npt.NDArray[np.bool_]:
-        """Which of a node's voxels (K,) its member segments hold in more than ``ratio`` of their frames that see the voxel."""
-        is_frame = np.zeros(int(segment_frame[members].max()) + 1 if len(members) else 1, np.bool_)
-        is_frame = grown(is_frame, int(segment_frame.max()) + 1)
-        keep: npt.NDArray[np.bool_] = _kept_voxels(
-            voxels,
-            members,
-            ratio,
-            self._head,
-            self._pool_segment,
-            self._pool_next,
-            segment_frame,
-            self._is_member,
-            is_frame,
-        )
+    def kept(self, voxels: npt.NDArray[np.int32], role: npt.NDArray[np.int8], ratio: float) -> npt.NDArray[np.bool_]:
+        """Which voxels (K,) of a node its masks hold in more than ``ratio`` of their frames that see the voxel.
+
+        ``role`` (S,) of a segment: 2 = a mask of the node, 1 = another segment of a frame that has one, 0 = of no such frame.
+        """
+        keep: npt.NDArray[np.bool_] = _kept_voxels(voxels, role, ratio, self._head, self._views, self._pool)
         return keep
