@@ -1,0 +1,275 @@
+"""Where to look next: exploration of an unknown home by next best view, from depth and poses alone.
+
+After a look around at the start, the explorer always knows two kinds of targets: frontier cells (free floor that touches
+unknown) and surfaces that were only seen from afar, on which small things would be missed. Of all places within reach it
+goes to the one whose best single look is worth most for the steps that it costs, turns there, looks, and chooses again; it
+looks along the way too, so a goal that has nothing left to show is dropped before it is reached. Targets that stay although
+they were looked at from near are given up. It is done when no look is worth its while, or when its steps are spent.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from openmap_agents.exploration.occupancy import OCCUPIED, OccupancyMap, OccupancySettings
+from openmap_agents.exploration.planner import frontier_cells
+from openmap_agents.exploration.views import best_headings, gains_by_bearing, in_view
+from openmap_agents.exploration.walker import Walker, WalkerSettings, Ways
+from openmap_env.actions import Action
+from openmap_scenes import PinholeCamera
+
+
+@dataclass(frozen=True)
+class ExplorerSettings:
+    """What is worth a look, and for how long."""
+
+    max_steps: int = 1500
+    """Actions after which exploration ends."""
+    frontier_reach: float = 3.0
+    """A frontier cell counts for places up to this far away, m."""
+    surface_reach: float = 2.5
+    """Surfaces seen only from farther away than this deserve a nearer look, m; 0 = none do."""
+    surface_weight: float = 0.3
+    """What a surface cell is worth; a frontier cell is worth 1."""
+    least_gain: float = 6.0
+    """A look must be worth this much: with cells of 5 cm, a frontier of 0.3 m."""
+    overhead: float = 6.0
+    """Steps added to the cost of every look, so that near crumbs do not come before a room."""
+    patience: int = 4
+    """Looks from near, after which a target that is still there is given up."""
+    tall: float = 1.1
+    """What reaches higher than this above the floor cannot be seen over, m."""
+    look_down_deg: float = 30.0
+    """Pitch of the looks at the floor near the body, degrees."""
+    lattice: float = 0.25
+    """Spacing of the places that are considered, m."""
+    replan_every: int = 3
+    """Actions between two choices while a goal holds."""
+    occupancy: OccupancySettings = field(default_factory=OccupancySettings)
+    walker: WalkerSettings = field(default_factory=WalkerSettings)
+
+
+@dataclass(frozen=True)
+class Targets:
+    """Cells that deserve a look: (m, 2) int64 cells, (m,) weights, (m,) reach m, (m,) whether a frontier."""
+
+    cells: npt.NDArray[np.int64]
+    weights: npt.NDArray[np.float32]
+    reach: npt.NDArray[np.float32]
+    frontier: npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Goal:
+    """Where to look from, (x, z) m, and in which direction, rad."""
+
+    x: float
+    z: float
+    heading: float
+    gain: float
+
+
+class Explorer:
+    """Explores by ``update`` with every observation and ``next_action`` for what to do; see the module.
+
+    Parameters
+    ----------
+    settings : ExplorerSettings or None
+    rng : np.random.Generator or None
+        Breaks out of places where nothing moves; None = seed 0.
+
+    Attributes
+    ----------
+    occupancy : OccupancyMap
+    walker : Walker
+    goal : Goal or None
+        What it goes for now.
+    done : bool
+    """
+
+    def __init__(self, settings: ExplorerSettings | None = None, rng: np.random.Generator | None = None) -> None:
+        self.settings = settings or ExplorerSettings()
+        self.occupancy = OccupancyMap(self.settings.occupancy)
+        self.walker = Walker(self.occupancy, self.settings.walker, rng)
+        self.goal: Goal | None = None
+        self.done = False
+        self.steps = 0
+        self._camera: PinholeCamera | None = None
+        self._places: list[tuple[float, float, float]] = []
+        self._queue = self._look_around()
+        self._ways: Ways | None = None
+        self._age = 0
+        self._still = False
+
+    @property
+    def trajectory(self) -> npt.NDArray[np.float64]:
+        """Where the body stood after each action, (n, 3) m, on the floor."""
+        return np.array(self._places, np.float64).reshape(-1, 3)
+
+    def update(
+        self,
+        depth: npt.NDArray[np.floating],
+        T_episode_camera: npt.NDArray[np.floating],
+        camera: PinholeCamera,
+        collided: bool | None = None,
+    ) -> None:
+        """Take in what the last action led to: planar depth (H, W) m, 0 = nothing seen, and the pose (4, 4) it was seen from."""
+        before = (self.walker.x, self.walker.z)
+        self.walker.observe(T_episode_camera, collided)
+        self._still = before == (self.walker.x, self.walker.z)
+        self._camera = camera
+        self._places.append((self.walker.x, self.walker.floor, self.walker.z))
+        self.occupancy.integrate(depth, T_episode_camera, camera, self.walker.floor)
+
+    def next_action(self) -> Action | None:
+        """What to do next; None = there is nothing left worth a look, or the steps are spent."""
+        if self._camera is None:
+            raise ValueError("next_action was asked for before any observation; call update first")
+        if self.done or self.steps >= self.settings.max_steps:
+            self.done = True
+            return None
+        action = self._choose()
+        self.done = action is None
+        self.steps += 1
+        self._age += 1
+        return action
+
+    def targets(self, ways: Ways) -> Targets:
+        """What deserves a look now."""
+        s, o = self.settings, self.occupancy
+        frontier = np.argwhere(frontier_cells(ways.grid, ways.distance))
+        far = (
+            np.isfinite(o.seen_from) & (o.seen_from > s.surface_reach)
+            if s.surface_reach > 0
+            else np.zeros_like(o.stood)
+        )
+        surface = np.argwhere(far)
+        cells = np.concatenate([frontier, surface])
+        is_frontier = np.arange(len(cells)) < len(frontier)
+        keep = o.looked[cells[:, 0], cells[:, 1]] < s.patience
+        cells, is_frontier = cells[keep], is_frontier[keep]
+        weights = np.where(is_frontier, 1.0, s.surface_weight).astype(np.float32)
+        reach = np.where(is_frontier, s.frontier_reach, 0.95 * s.surface_reach).astype(np.float32)
+        return Targets(cells, weights, reach, is_frontier)
+
+    def _choose(self) -> Action | None:
+        """One decision: go on with the goal, or look, or take a new goal."""
+        if self._queue:
+            return self.walker.did(self._queue.pop(0))
+        for _ in range(3):
+            ways = self._plan()
+            if self.goal is None:
+                return None
+            goal_cell = self.occupancy.cell(self.goal.x, self.goal.z)
+            if action := self.walker.follow(ways, goal_cell):
+                return action
+            if action := self.walker.turn_towards(self.goal.heading) or self._look_down(ways):
+                return action
+            # It stands there, looks there, and the targets did not go away: they count as looked at.
+            self._give_up(ways)
+            self._ways = None
+        return None
+
+    def _plan(self) -> Ways:
+        """The ways and the goal, chosen anew when they are old or do not fit the map any more."""
+        ways, w = self._ways, self.walker
+        fits = ways is not None and ways.grid.shape == self.occupancy.hits.shape
+        if ways and fits and self.goal and w.blocked == 0 and self._age < self.settings.replan_every:
+            return ways
+        ways = self._ways = w.ways()
+        self._age = 0
+        targets = self.targets(ways)
+        if self._still:
+            self._count_looks(ways, targets)
+        self.goal = self._best_goal(ways, targets)
+        return ways
+
+    def _best_goal(self, ways: Ways, targets: Targets) -> Goal | None:
+        """The place and heading whose look is worth most a step; None where none is worth ``least_gain``."""
+        s, o, w = self.settings, self.occupancy, self.walker
+        if not len(targets.cells):
+            return None
+        places = self._candidates(ways)
+        gain, heading = best_headings(
+            gains_by_bearing(places, targets.cells, targets.weights, targets.reach, self._opaque(ways), o.resolution)
+        )
+        turn, forward = math.radians(s.walker.turn_deg), s.walker.forward
+        way = np.arctan2(w.cell[1] - places[:, 1], w.cell[0] - places[:, 0])
+        away = ways.distance[places[:, 0], places[:, 1]]
+        here = np.all(places == np.array(w.cell), axis=1)
+        first = np.where(here, 0.0, np.abs(_wrap(way - w.heading)))
+        last = np.abs(_wrap(heading - np.where(here, w.heading, way)))
+        steps = away / forward + (first + last) / turn + s.overhead
+        if self.goal is not None:
+            near_goal = np.hypot(*(places - np.array(o.cell(self.goal.x, self.goal.z))).T) * o.resolution < 0.5
+            steps = np.where(near_goal, steps * 0.8, steps)
+        rate = np.where(gain >= s.least_gain, gain / steps, 0.0)
+        best = int(np.argmax(rate))
+        if rate[best] <= 0.0:
+            return None
+        x, z = o.place((int(places[best, 0]), int(places[best, 1])))
+        return Goal(x, z, float(heading[best]), float(gain[best]))
+
+    def _candidates(self, ways: Ways) -> npt.NDArray[np.int64]:
+        """Cells (n, 2) to look from: where the body stands, and a lattice of what is within reach."""
+        step = max(1, round(self.settings.lattice / self.occupancy.resolution))
+        lattice = np.argwhere(np.isfinite(ways.distance[::step, ::step])) * step
+        return np.concatenate([np.array([self.walker.cell]), lattice]).astype(np.int64)
+
+    def _opaque(self, ways: Ways) -> npt.NDArray[np.bool_]:
+        return np.asarray((ways.grid == OCCUPIED) & (self.occupancy.top > self.settings.tall))
+
+    def _blind_distance(self, pitch: float) -> float:
+        """From how far on the camera sees the floor, m."""
+        assert self._camera is not None
+        assert self.walker.camera_height is not None
+        lowest = math.atan2(self._camera.height / 2, self._camera.fy) - pitch
+        return self.walker.camera_height / math.tan(lowest) if lowest < math.pi / 2 else 0.0
+
+    def _seen_now(self, ways: Ways, targets: Targets, pitch: float) -> npt.NDArray[np.bool_]:
+        """Which targets the camera has in view at that pitch, as far as the map can tell."""
+        assert self._camera is not None
+        half = 0.9 * math.atan2(self._camera.width / 2, self._camera.fx)
+        w, opaque, resolution = self.walker, self._opaque(ways), self.occupancy.resolution
+        in_frame = in_view(w.cell, w.heading, targets.cells, targets.reach, 0.0, half, opaque, resolution)
+        cells = targets.cells - np.array(w.cell)
+        near = np.hypot(cells[:, 0], cells[:, 1]) * resolution < self._blind_distance(pitch)
+        return np.asarray(in_frame & ~(near & targets.frontier))
+
+    def _count_looks(self, ways: Ways, targets: Targets) -> None:
+        seen = targets.cells[self._seen_now(ways, targets, self.walker.pitch)]
+        self.occupancy.looked[seen[:, 0], seen[:, 1]] += 1
+
+    def _look_down(self, ways: Ways) -> Action | None:
+        """A look at the floor near the body, where that shows more of the frontier than the level camera does."""
+        down = -math.radians(self.settings.look_down_deg)
+        targets = self.targets(ways)
+        more = self._seen_now(ways, targets, down) & ~self._seen_now(ways, targets, self.walker.pitch)
+        return self.walker.level(down) if targets.weights[more].sum() >= 2.0 else None
+
+    def _give_up(self, ways: Ways) -> None:
+        """The targets in view of the goal are not shown by looking from here: ask for them no more."""
+        targets = self.targets(ways)
+        seen = targets.cells[self._seen_now(ways, targets, -math.pi / 2 + 0.1)]
+        self.occupancy.looked[seen[:, 0], seen[:, 1]] = self.settings.patience
+        if not len(seen) and self.goal is not None:
+            cells = targets.cells
+            away = np.hypot(*(cells - np.array(self.occupancy.cell(self.goal.x, self.goal.z))).T)
+            near = cells[away * self.occupancy.resolution < self.settings.frontier_reach]
+            self.occupancy.looked[near[:, 0], near[:, 1]] = self.settings.patience
+
+    def _look_around(self) -> list[Action]:
+        """A full turn, level and looking down by turns of 90 degrees: with 90 degrees of view both cover the circle."""
+        quarter = [Action.TURN_LEFT] * round(90.0 / self.settings.walker.turn_deg)
+        tilts = round(self.settings.look_down_deg / self.settings.walker.tilt_deg)
+        down, up = [Action.LOOK_DOWN] * tilts, [Action.LOOK_UP] * tilts
+        return (quarter + down + quarter + up) * 2
+
+
+def _wrap(angle: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
+    """Angles in -pi..pi."""
+    return np.asarray(np.arctan2(np.sin(angle), np.cos(angle)), np.float64)

@@ -1,0 +1,108 @@
+"""Agents by name, put together for an environment. Their modules are imported when asked for, because torch takes seconds."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Literal
+
+import gymnasium as gym
+import numpy as np
+
+from openmap_agents.agent import Agent
+
+if TYPE_CHECKING:
+    from openmap_agents.openmap_agent import OpenMapAgent, OpenMapAgentSettings
+    from openmap_env.env import OpenMapNavEnv
+
+AGENTS = ("openmap", "random", "stand_still", "oracle")
+
+
+def make_agent(
+    name: str,
+    env: gym.Env[Any, Any],
+    *,
+    perception: str = "embedded",
+    llm: str = "builtin",
+    protocol: Literal["retrieval", "navigation"] = "retrieval",
+    seed: int = 0,
+    settings: OpenMapAgentSettings | None = None,
+) -> Agent:
+    """An agent for an environment that has been reset once, so that its scene, body and camera are known.
+
+    Parameters
+    ----------
+    name : {"openmap", "random", "stand_still", "oracle"}
+    env : gym.Env
+        An ``OpenMapNavEnv``, wrapped or not. The openmap agent takes the camera, the sizes of the actions and the step limit
+        from it, and looks at nothing else of it unless ``perception`` is "oracle".
+    perception : {"embedded", "oracle"}
+        For openmap. With "oracle" the agent is for the scene at hand alone, and its figures are for analysis.
+    llm : str
+        For openmap: a spec for ``openmap_agents.grounding.make_llm``.
+    protocol : {"retrieval", "navigation"}
+        For openmap.
+    seed : int
+    settings : OpenMapAgentSettings or None
+        For openmap; the environment's camera, action sizes and step limit, and ``protocol``, are put into them.
+
+    Raises
+    ------
+    ValueError
+        An argument is none of the above.
+    """
+    if name not in AGENTS:
+        raise ValueError(f"agent is {name!r}, expected one of {', '.join(AGENTS)}")
+    if protocol not in ("retrieval", "navigation"):
+        raise ValueError(f"protocol is {protocol!r}, expected retrieval or navigation")
+    rng = np.random.default_rng(seed)
+    if name == "openmap":
+        return _openmap(_bare(env), perception, llm, protocol, rng, settings)
+    from openmap_agents.baselines import OracleAgent, RandomAgent, StandStillAgent
+
+    if name == "oracle":
+        return OracleAgent(_bare(env))
+    return RandomAgent(rng) if name == "random" else StandStillAgent()
+
+
+def _bare(env: gym.Env[Any, Any]) -> OpenMapNavEnv:
+    from openmap_env.env import OpenMapNavEnv
+
+    bare = env.unwrapped
+    if not isinstance(bare, OpenMapNavEnv):
+        raise ValueError(f"env is a {type(bare).__name__}, expected an OpenMapNavEnv")
+    return bare
+
+
+def _openmap(
+    env: OpenMapNavEnv,
+    perception: str,
+    llm: str,
+    protocol: Literal["retrieval", "navigation"],
+    rng: np.random.Generator,
+    settings: OpenMapAgentSettings | None,
+) -> OpenMapAgent:
+    from openmap_agents.grounding import Grounder
+    from openmap_agents.openmap_agent import OpenMapAgent, OpenMapAgentSettings, with_budget
+    from openmap_agents.perception import make_encoder, make_segmenter
+
+    simulator = env.simulator
+    told: dict[str, Any] = {}
+    if perception == "oracle":
+        # The simulator keeps the frame of its pose, so these are the ids of the very picture that the agent is given.
+        told = {"semantic": lambda: env.simulator.observe().instance}
+    segmenter = make_segmenter(perception, **told)
+    if told:
+        told["categories"] = {i.id: i.category for i in simulator.scene.instances}
+    encoder = make_encoder(perception, **told)
+    settings = settings or OpenMapAgentSettings()
+    walker = replace(
+        settings.explorer.walker,
+        forward=simulator.forward_step,
+        turn_deg=math.degrees(simulator.turn),
+        tilt_deg=math.degrees(simulator.look),
+    )
+    planner = replace(walker.planner, body_radius=simulator.body.radius)
+    explorer = replace(settings.explorer, walker=replace(walker, planner=planner))
+    settings = with_budget(replace(settings, protocol=protocol, explorer=explorer), env.max_steps)
+    return OpenMapAgent(env.camera, segmenter, encoder, Grounder(llm, encoder=encoder), settings, rng)
