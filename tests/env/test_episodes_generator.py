@@ -160,8 +160,6 @@ def test_starts_are_navigable_and_lead_to_a_target(made):
 def test_a_guided_way_is_the_shortest_and_leads_through_the_rooms_it_names(made):
     scene, surface, episodes = made
     guided = [e for e in episodes if e.kind == "language_guided"]
-    if scene.name == "toy":
-        guided += generate_episodes(scene, "toy:0", surface, 60, np.random.default_rng(7), kinds=("language_guided",))
     for episode in guided:
         rooms = episode.info["rooms"]
         start_room = scene.room_of(np.add(episode.start_position, (0.0, 0.3, 0.0)))
@@ -180,6 +178,22 @@ def test_a_guided_way_is_the_shortest_and_leads_through_the_rooms_it_names(made)
         if len(rooms) > 1:
             assert f"the {rooms[0]}" in episode.instruction
     assert any(len(e.info["rooms"]) > 1 for e in guided)
+
+
+def test_a_guided_way_never_ends_where_its_words_could_mean_another_room(toy_scene, toy_surface):
+    # Nothing but chairs: two in each of two rooms, and "a chair" is one of the phrases.
+    chairs = {1, 3, 9, 11}
+    scene = replace(
+        toy_scene,
+        instances=[
+            replace(i, category="chair" if i.id in chairs else "wall", attributes={}) for i in toy_scene.instances
+        ],
+    )
+    made = generate_episodes(scene, "toy:0", toy_surface, 12, np.random.default_rng(7), kinds=("language_guided",))
+    assert len(made) >= 5
+    for episode in made:
+        rooms = {scene.instance(t.instance_id).room for t in episode.targets}
+        assert len(rooms) == 1, episode.instruction
 
 
 def test_the_same_seed_makes_the_same_episodes_and_another_makes_others(toy_scene, toy_surface):
