@@ -17,6 +17,7 @@ from openmap_agents.perception import Masks
 from openmap_agents.perception.colour import region_colour
 
 _MOST_PIXELS = 500
+_STRIDE = 3
 
 
 class ColourVotes:
@@ -28,6 +29,8 @@ class ColourVotes:
 
     def add(self, rgb: npt.NDArray[np.uint8], masks: Masks) -> None:
         """Take in a picture (H, W, 3) uint8 with its masks; call it once for each call of ``OpenMapper.integrate``."""
+        # A ninth of the pixels elects the same colours; thin masks may be left without a vote.
+        rgb, masks = rgb[::_STRIDE, ::_STRIDE], Masks(masks.labels[::_STRIDE, ::_STRIDE], masks.scores)
         self._words.append(region_colour(rgb, masks))
         self._medians.append(_medians(rgb, masks))
 
@@ -36,7 +39,9 @@ class ColourVotes:
         ballots: dict[str, list[tuple[int, npt.NDArray[np.float64]]]] = {}
         for call, label, pixels in instance.views.tolist():
             if call < len(self._words) and 1 <= label <= len(self._words[call]):
-                ballots.setdefault(self._words[call][label - 1], []).append((pixels, self._medians[call][label - 1]))
+                median = self._medians[call][label - 1]
+                if np.isfinite(median).all():
+                    ballots.setdefault(self._words[call][label - 1], []).append((pixels, median))
         if not ballots:
             return instance.colour
         winner = max(sorted(ballots), key=lambda word: sum(pixels for pixels, _ in ballots[word]))
@@ -50,11 +55,11 @@ class ColourVotes:
 
 
 def _medians(rgb: npt.NDArray[np.uint8], masks: Masks) -> npt.NDArray[np.float64]:
-    """Median colour (n, 3) of each mask, from at most ``_MOST_PIXELS`` of its pixels."""
+    """Median colour (n, 3) of each mask, from about ``_MOST_PIXELS`` of its pixels; nan where it has none."""
     order = np.argsort(masks.labels, axis=None, kind="stable")
     starts = np.searchsorted(masks.labels.ravel()[order], np.arange(1, len(masks) + 2))
     flat = rgb.reshape(-1, 3)
-    medians = np.zeros((len(masks), 3))
+    medians = np.full((len(masks), 3), np.nan)
     for n in range(len(masks)):
         first, last = int(starts[n]), int(starts[n + 1])
         if last > first:

@@ -194,9 +194,11 @@ class Explorer:
         if not len(targets.cells):
             return None
         places = self._candidates(ways)
-        gain, heading = best_headings(
-            gains_by_bearing(places, targets.cells, targets.weights, targets.reach, self._opaque(ways), o.resolution)
-        )
+        half = (
+            targets.cells.sum(axis=1) % 2 == 0
+        )  # A chequer of the targets is enough to choose by, at twice the weight.
+        cells, weights, reach = targets.cells[half], 2 * targets.weights[half], targets.reach[half]
+        gain, heading = best_headings(gains_by_bearing(places, cells, weights, reach, self._opaque(ways), o.resolution))
         turn, forward = math.radians(s.walker.turn_deg), s.walker.forward
         way = np.arctan2(w.cell[1] - places[:, 1], w.cell[0] - places[:, 0])
         away = ways.distance[places[:, 0], places[:, 1]]

@@ -55,8 +55,11 @@ def best_headings(
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float64]]:
     """The best single look of each place: its gain (n,) and its heading (n,) rad, over ``width`` neighbouring sectors (odd)."""
     half = width // 2
-    window = np.sum([np.roll(gains, shift, axis=1) for shift in range(-half, half + 1)], axis=0)
-    best = np.argmax(window, axis=1)
+    shifted = {shift: np.roll(gains, shift, axis=1) for shift in range(-half, half + 1)}
+    window = np.sum(list(shifted.values()), axis=0)
+    # Of headings that show about as much, the one with the targets in the middle of the picture.
+    centred = np.sum([turned / (1 + abs(shift)) for shift, turned in shifted.items()], axis=0)
+    best = np.argmax(window + 0.05 * centred, axis=1)
     return np.asarray(window[np.arange(len(gains)), best], np.float32), best * _SECTOR
 
 
