@@ -21,6 +21,7 @@ from openmap_scenes.homes.stock import Stock
 from openmap_scenes.scene import Instance, Material, Room, Scene, instance_boxes
 
 MIN_OBJECTS, MIN_KINDS = 25, 20
+LAMPS = ("ceiling lamp", "pendant lamp", "table lamp", "desk lamp", "floor lamp")
 
 
 def build_home(rest: str) -> Scene:
@@ -113,7 +114,15 @@ def _assemble(name: str, source: str, plan: Plan, shell: list[Piece], items: lis
     faces = np.concatenate([p[0].faces + o for p, o in zip(parts, offsets, strict=True)]).astype(np.int32)
     materials, face_material = _materials([p[0] for p in parts])
     face_instance = np.repeat(np.arange(1, len(parts) + 1), [len(p[0].faces) for p in parts]).astype(np.int32)
-    colour = bake(vertices, normals, faces, _lights(plan, items))
+    # Thin things on walls cast no shadow: the walls' vertices are too far apart to show it as more than a stain.
+    casts = np.array([True] * len(shell) + [float((i.high - i.low).min()) > 0.05 for i in items])[face_instance - 1]
+    loose = [p.kind not in ("floor", "wall", "ceiling") for p in shell] + [True] * len(items)
+    may_hide = np.repeat(loose, [len(p[1]) for p in parts])
+    points = _samples(plan, shell, vertices)
+    colour = bake(points, normals, vertices, faces[casts], _lights(plan, items), may_hide)
+    glows = np.array([p.kind == "window" for p in shell] + [i.thing.kind in LAMPS for i in items])
+    shines = np.repeat(glows, [len(p[1]) for p in parts])
+    colour[shines] = np.maximum(colour[shines], 225)
     boxes = instance_boxes(vertices, faces, face_instance)
     instances = [
         Instance(
@@ -139,6 +148,20 @@ def _assemble(name: str, source: str, plan: Plan, shell: list[Piece], items: lis
         source=source,
         credits=tuple(sorted({item.thing.credit for item in items} - {""})),
     )
+
+
+def _samples(plan: Plan, shell: list[Piece], vertices: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """Where the light of each vertex is measured: at itself, but for floors, walls and ceilings a little out of the corners."""
+    points, start = vertices.copy(), 0
+    for piece in shell:
+        own = points[start : start + len(piece.mesh.vertices)]
+        start += len(own)
+        r = plan.inner(piece.room)
+        if piece.kind in ("floor", "wall", "ceiling"):
+            low, high = np.array([r.x0, 0.0, r.z0]), np.array([r.x1, CEILING, r.z1])
+            inside = np.all((own > low - 1e-3) & (own < high + 1e-3), axis=1)
+            own[inside] = np.clip(own[inside], low + 0.07, high - 0.07)
+    return points
 
 
 def _materials(models: list[Model]) -> tuple[list[Material], npt.NDArray[np.int32]]:
@@ -172,7 +195,7 @@ def _lights(plan: Plan, items: list[Item]) -> list[Light]:
     for room in range(len(plan.names)):
         r = plan.inner(room)
         x, z, s = (r.x0 + r.x1) / 2, (r.z0 + r.z1) / 2, 0.35
-        lamps = [i for i in items if i.room == room and i.thing.kind in ("ceiling lamp", "pendant lamp")]
+        lamps = [i for i in items if i.room == room and i.thing.kind in LAMPS[:2]]
         y = min([float(i.low[1]) for i in lamps], default=CEILING) - 0.08
         points = np.array([[x - s, y, z - s], [x + s, y, z - s], [x, y, z + s]])
         lights.append(Light(points, None, LAMP * (r.width * r.depth / 12.0) ** 0.5, WARM))

@@ -24,14 +24,14 @@ COFFEE_TABLE = (
     "tablet", "cup", "ashtray", "teapot", "coffee cup", "bowl of apples", "sunglasses", "camera", "keys",
 )  # fmt: skip
 SIDEBOARD = (
-    "vase", "radio", "candle", "picture", "speaker dock", "stereo", "aquarium", "cat statue", "deer figurine", "bowl",
+    "vase", "radio", "candle", "photo frame", "speaker dock", "stereo", "aquarium", "cat statue", "deer figurine", "bowl",
     "cordless phone", "camera", "fan", "jar", "helmet", "toy car",
 )  # fmt: skip
 DESK = (
     "pen holder", "phone", "mug", "letter tray", "printer", "headphones", "calendar", "tablet", "book", "camera",
     "coffee cup", "cactus", "rubik's cube", "eyeglasses", "fan",
 )  # fmt: skip
-DRESSER = ("vase", "hat", "handbag", "picture", "folded clothes", "candle", "cap", "brush", "sunglasses", "briefcase")
+DRESSER = ("vase", "hat", "handbag", "photo frame", "folded clothes", "candle", "cap", "brush", "sunglasses", "briefcase")
 TOYS = (
     "teddy bear", "toy car", "toy train", "toy plane", "toy", "doll", "soccer ball", "basketball", "puzzle", "xylophone",
     "rubik's cube", "rocking horse", "dollhouse", "tricycle", "skateboard",
@@ -182,7 +182,7 @@ def _sofa_group(f: Furnisher, sofa: Item) -> None:
     reach = float(np.abs(sofa.front) @ (sofa.high - sofa.low)[[0, 2]]) / 2
     x, z = middle + sofa.front * (reach + 0.75)
     f.rug(2.1, 1.4, x, z, sofa.angle)
-    thing = stock.get("coffee table", "bean bag") or stock.get("trunk", "bench")
+    thing = stock.get("coffee table") or stock.get("trunk", "bench")
     table = thing and space.facing(thing, sofa, float(rng.uniform(0.36, 0.45)))
     if table is not None:
         f.tops(table, COFFEE_TABLE, 3)
@@ -212,18 +212,20 @@ def _sofa_group(f: Furnisher, sofa: Item) -> None:
 def _dining_group(f: Furnisher, most: int) -> Item | None:
     """A table, chairs of one kind around it, something on it, perhaps a lamp above."""
     space, stock, rng = f.space, f.stock, f.rng
+    chair = stock.get("chair", width=0.62, depth=0.7) or stock.get("folding chair", "stool")
     table = None
-    for _ in range(3):
-        thing = stock.get("dining table", "round table", height=0.95)
+    for attempt in range(6):
+        thing = stock.get("dining table", "round table", height=0.95, width=9.0 if attempt < 3 else 1.3)
         thing = thing or stock.get("folding table")
+        before = len(space.items)
         table = thing and _near_middle(f, thing)
-        if table is not None:
+        # A table at which hardly anyone can sit is no use.
+        if table is not None and chair is not None and len(space.around(chair, table, most)) >= 2:
             break
+        del space.items[before:]
+        table = None
     if table is None:
         return None
-    chair = stock.get("chair", width=0.62, depth=0.7) or stock.get("folding chair", "stool")
-    if chair is not None:
-        space.around(chair, table, most)
     f.tops(table, ("vase", "bowl of fruit", "flowers", "tulips", "lilies", "candle", "bowl of apples", "birthday cake"), 1)
     setting = stock.get("place setting", "plate")
     for _ in range(int(rng.integers(0, 3))):
@@ -254,7 +256,7 @@ def _near_middle(f: Furnisher, thing: Thing) -> Item | None:
 
 
 def _dining(f: Furnisher) -> None:
-    board = f.wall("sideboard", "glass cabinet", "chest of drawers", "dresser", "cupboard", height=1.3)
+    board = f.wall("sideboard", "chest of drawers", "dresser", "cupboard", height=1.3)
     _dining_group(f, most=6)
     f.tops(board, (*SIDEBOARD, "bowl", "teapot"), 3)
     f.wall("bookcase", "piano", "fireplace", "cabinet", "grand piano")
@@ -385,7 +387,7 @@ def _bathroom(f: Furnisher) -> None:
     space, stock, rng = f.space, f.stock, f.rng
     tub = f.wall("bathtub", "corner bathtub", "shower stall", corner=True)
     if tub is None or (tub.thing.kind != "shower stall" and rng.random() < 0.4):
-        f.wall("shower stall", "bathtub", corner=True)
+        f.wall("shower stall", corner=True)
     basin = f.wall("washbasin", "vanity", "double vanity") or f.wall("washbasin")
     if basin is not None:
         side = wall_behind(space, basin)

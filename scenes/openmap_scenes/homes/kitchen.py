@@ -21,12 +21,13 @@ COUNTER = (
 def furnish_kitchen(space: RoomSpace, stock: Stock) -> list[Item]:
     """Put the run down along the wall with the longest free stretch, and things on its counter; returns the base units."""
     rng = space.rng
-    stretches = sorted(
-        ((b - a, i, a, b) for i, side in enumerate(space.sides) for a, b in _free(space, side)), reverse=True
-    )
-    units = _units(stock)
     placed: list[Item] = []
-    for length, i, a, b in stretches[:3]:
+    fridge = stock.get("refrigerator")
+    if fridge is not None:
+        item = _at_an_end(space, fridge) or space.against_wall(fridge, tries=80)
+        placed += [item] if item is not None else []
+    units = _units(stock)
+    for length, i, a, b in _stretches(space)[:3]:
         chosen, left = [], length - 2 * GAP
         for unit in list(units):
             if unit.model.size[0] <= left:
@@ -37,8 +38,8 @@ def furnish_kitchen(space: RoomSpace, stock: Stock) -> list[Item]:
         if not units:
             break
     for unit in units:
-        if unit.kind in ("refrigerator", "stove", "kitchen sink"):
-            item = space.against_wall(unit)
+        if unit.kind in ("stove", "kitchen sink"):
+            item = space.against_wall(unit, tries=120)
             placed += [item] if item is not None else []
     _above(space, stock, placed)
     counters = [p for p in placed if p.thing.kind in ("kitchen cabinet", "kitchen drawers")]
@@ -53,11 +54,26 @@ def furnish_kitchen(space: RoomSpace, stock: Stock) -> list[Item]:
     return placed
 
 
+def _stretches(space: RoomSpace) -> list[tuple[float, int, float, float]]:
+    """Free stretches of wall (length, side, start, end), the longest first."""
+    return sorted(((b - a, i, a, b) for i, side in enumerate(space.sides) for a, b in _free(space, side)), reverse=True)
+
+
+def _at_an_end(space: RoomSpace, thing: Thing) -> Item | None:
+    """A thing at an end of a free stretch of wall that leaves the rest of it to the counter."""
+    half = float(thing.model.size[0]) / 2 + GAP
+    for _, i, a, b in _stretches(space):
+        ends = (a + half, b - half) if space.rng.random() < 0.5 else (b - half, a + half)
+        for at in ends:
+            if (item := space.against_wall(thing, [space.sides[i]], at=at)) is not None:
+                return item
+    return None
+
+
 def _units(stock: Stock) -> list[Thing]:
     """What a run is made of, the most needed first; cabinets of one model so that they match."""
     cabinet, drawers = stock.get("kitchen cabinet"), stock.get("kitchen drawers")
     wanted = [
-        stock.get("refrigerator"),
         stock.get("kitchen sink") or stock.get("washbasin", height=1.0),
         stock.get("stove") or stock.get("tall cabinet", "double oven", "oven"),
         cabinet,
@@ -108,6 +124,11 @@ def _free(space: RoomSpace, side: Side) -> list[tuple[float, float]]:
         if near[0] < high and near[1] > low:
             blocked.append(span[axis])
     blocked += [(o.start, o.end) for o in space.plan.on_side(side) if o.kind == "window" and o.sill < 1.1]
+    for item in space.items:
+        near = (item.low[2 - 2 * axis], item.high[2 - 2 * axis])
+        low, high = sorted((side.at, side.at + side.inward * DEPTH))
+        if item.low[1] < 1.0 and near[0] < high and near[1] > low:
+            blocked.append((float(item.low[2 * axis]), float(item.high[2 * axis])))
     free, cursor = [], side.start
     for a, b in [*sorted(blocked), (side.end, side.end)]:
         if a - cursor > 0.6:
@@ -127,4 +148,8 @@ def _above(space: RoomSpace, stock: Stock, placed: list[Item]) -> None:
             if hood is not None:
                 space.hang(hood, 1.62, side, [along])
         elif base.high[1] < 1.3 and cabinet is not None:
-            space.hang(cabinet, 1.45, side, [along])
+            width = float(cabinet.model.size[0])
+            room = float((base.high - base.low)[0 if side.axis == "x" else 2])
+            n = int(room / width + 0.05)
+            for k in range(n):
+                space.hang(cabinet, 1.45, side, [along + (k + 0.5 - n / 2) * (width + 0.001)])

@@ -11,6 +11,7 @@ import os
 import re
 import zipfile
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -67,11 +68,17 @@ class Piece:
         """A digest of the model's folder in the archive and of the size: changes when the piece does."""
         digest = hashlib.sha256(repr((self.model, self.size.tolist(), self.rotation.tolist())).encode())
         folder = self.model.rsplit("/", 1)[0] + "/"
-        with zipfile.ZipFile(self.archive) as archive:
-            for entry in sorted(archive.infolist(), key=lambda e: e.filename):
-                if entry.filename.startswith(folder):
-                    digest.update(f"{entry.filename}:{entry.CRC}:{entry.file_size};".encode())
+        for name, crc, size in _directory(self.archive, self.archive.stat().st_mtime_ns):
+            if name.startswith(folder):
+                digest.update(f"{name}:{crc}:{size};".encode())
         return digest.hexdigest()[:32]
+
+
+@cache
+def _directory(archive: Path, modified: int) -> list[tuple[str, int, int]]:
+    """Name, checksum and size of every file in an archive, sorted; ``modified`` is its time stamp, so that a change is seen."""
+    with zipfile.ZipFile(archive) as file:
+        return sorted((entry.filename, entry.CRC, entry.file_size) for entry in file.infolist())
 
 
 def furniture_folder() -> Path:

@@ -6,6 +6,7 @@ the share of the hemisphere that is open within reach (ambient occlusion), the w
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,8 +14,10 @@ import numpy.typing as npt
 
 from openmap_scenes.homes.surface import sphere
 
-REACH = 1.2
+REACHES = (0.3, 0.7, 1.4)
 AMBIENT, SKY, LAMP = 0.62, 1.5, 0.85
+# Whether something lies between each origin (V, 3) and origin + end * way (V, 3).
+Blocked = Callable[[npt.NDArray[np.float32], npt.NDArray[np.float32], float], npt.NDArray[np.bool_]]
 DAY = np.array([0.97, 1.0, 1.03])
 WARM = np.array([1.03, 0.99, 0.91])
 
@@ -30,38 +33,55 @@ class Light:
 
 
 def bake(
-    vertices: npt.NDArray[np.float32],
+    points: npt.NDArray[np.float32],
     normals: npt.NDArray[np.float32],
+    vertices: npt.NDArray[np.float32],
     faces: npt.NDArray[np.int32],
     lights: list[Light],
-    rays: int = 20,
+    may_hide: npt.NDArray[np.bool_],
+    rays: int = 18,
 ) -> npt.NDArray[np.uint8]:
-    """Vertex colours (V, 3) uint8 sRGB for vertices and normals (V, 3) in the world frame."""
+    """Colours (V, 3) uint8 sRGB at points (V, 3) m with normals (V, 3); vertices (W, 3) and faces (F, 3) cast the shadows.
+
+    Where ``may_hide`` (V,) bool holds and no ray gets out the place is inside something: it becomes grey instead of black,
+    because all that is ever seen of it is a pixel through a seam.
+    """
     import open3d as o3d
 
     scene = o3d.t.geometry.RaycastingScene()
     scene.add_triangles(vertices, faces.astype(np.uint32))
 
-    def distance(origin: npt.NDArray[np.float32], direction: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-        batch = o3d.core.Tensor(np.concatenate([origin, direction], 1).astype(np.float32))
-        return np.asarray(scene.cast_rays(batch)["t_hit"].numpy())
+    def blocked(
+        origin: npt.NDArray[np.float32], way: npt.NDArray[np.float32], end: float
+    ) -> npt.NDArray[np.bool_]:
+        rays_6 = o3d.core.Tensor(np.concatenate([origin, way], 1).astype(np.float32))
+        return np.asarray(scene.test_occlusions(rays_6, 0.0, end).numpy())
 
-    places, inverse = np.unique(
-        np.concatenate([np.round(vertices, 3), np.round(normals, 2)], 1), axis=0, return_inverse=True
-    )
-    points, normal = places[:, :3].astype(np.float32), places[:, 3:].astype(np.float32)
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-6)
-    origin = points + np.float32(0.02) * normal
-    openness = np.zeros(len(points), np.float32)
-    for direction in _hemisphere(normal, rays):
-        openness += np.minimum(distance(origin, direction), REACH) / REACH
+    first, inverse = _distinct(points, normals)
+    normal = normals[first] / np.maximum(np.linalg.norm(normals[first], axis=1, keepdims=True), np.float32(1e-6))
+    origin = points[first] + np.float32(0.02) * normal
+    openness = np.zeros(len(origin), np.float32)
+    for k, direction in enumerate(_hemisphere(normal, rays)):
+        openness += ~blocked(origin, direction, REACHES[k % len(REACHES)])
     openness /= rays
     # Light from above is stronger than light from the floor.
     total = AMBIENT * (openness * (0.86 + 0.14 * normal[:, 1]))[:, None] * np.ones(3)
     for light in lights:
-        total += _direct(origin, normal, light, distance)[:, None] * light.tint
+        total += _direct(origin, normal, light, blocked)[:, None] * light.tint
+    total[(openness == 0.0) & may_hide[first]] = 0.4
     shade = np.clip(1.0 - np.exp(-2.1 * total), 0.0, 1.0) ** 0.8
-    return np.asarray(np.round(255.0 * np.clip(shade * 1.06, 0.10, 1.0)), np.uint8)[inverse.reshape(-1)]
+    return np.asarray(np.round(255.0 * np.clip(shade * 1.06, 0.22, 1.0)), np.uint8)[inverse]
+
+
+def _distinct(
+    points: npt.NDArray[np.float32], normals: npt.NDArray[np.float32]
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """One index for each different (point, normal), to 5 mm and 1/12, and for every row which of them it is."""
+    cells = np.concatenate([np.round(points / 0.005), np.round(normals * 12)], 1).astype(np.int64)
+    cells -= cells.min(0)
+    key = np.ravel_multi_index(tuple(cells.T), tuple((cells.max(0) + 1).tolist()))
+    _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
+    return first, inverse.reshape(-1)
 
 
 def _hemisphere(normal: npt.NDArray[np.float32], rays: int) -> list[npt.NDArray[np.float32]]:
@@ -77,7 +97,7 @@ def _direct(
     origin: npt.NDArray[np.float32],
     normal: npt.NDArray[np.float32],
     light: Light,
-    distance: object,
+    blocked: Blocked,
 ) -> npt.NDArray[np.float64]:
     """What a light sends to each place, (V,): power * cosines / (1 + r^2), shadows by rays."""
     total = np.zeros(len(origin))
@@ -89,8 +109,8 @@ def _direct(
         if light.normal is not None:
             strength = strength * np.maximum(-(unit @ light.normal.astype(np.float32)), 0.0)
         strength = strength / (0.6 + r * r)
-        lit = np.flatnonzero(strength * light.power > 0.004)
+        lit = np.flatnonzero(strength * light.power > 0.006)
         if len(lit):
-            clear = distance(origin[lit], unit[lit]) > r[lit] - 0.06  # type: ignore[operator]
-            total[lit] += strength[lit] * clear
+            # A ray as long as the way to the light; its last stretch is left out, where the lamp itself is.
+            total[lit] += strength[lit] * ~blocked(origin[lit], to[lit], 0.97)
     return total * light.power / len(light.points)

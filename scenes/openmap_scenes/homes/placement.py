@@ -141,7 +141,7 @@ class RoomSpace:
         return item
 
     def against_wall(
-        self, thing: Thing, sides: list[Side] | None = None, corner: bool = False, at: float | None = None, tries: int = 24
+        self, thing: Thing, sides: list[Side] | None = None, corner: bool = False, at: float | None = None, tries: int = 32
     ) -> Item | None:
         """Put a thing with its back to a wall: at ``at`` on it, in a corner, or anywhere."""
         width, _, depth = thing.model.size
@@ -223,13 +223,12 @@ class RoomSpace:
         width, _, depth = thing.model.size
         extent = (table.high - table.low)[[0, 2]]
         seats = []
-        for axis in np.argsort(-extent, kind="stable").tolist():
+        long = int(extent[1] > extent[0])
+        for axis in (long, 1 - long):
             room = float(extent[axis])
-            n = max(1, min(3, int(room / (width + 0.12))))
-            if axis == int(np.argmin(extent)) and extent.max() - extent.min() > 0.1:
-                n = 1
-            for sign in (1, -1):
-                seats += [(axis, sign, (k + 0.5) / n * room - room / 2) for k in range(n)]
+            # At the short sides, and at a round or square table, one.
+            n = max(1, min(3, int(room / (width + 0.12)))) if axis == long and extent.max() - extent.min() > 0.1 else 1
+            seats += [(axis, sign, (k + 0.5) / n * room - room / 2) for k in range(n) for sign in (1, -1)]
         placed = []
         middle = (table.low + table.high)[[0, 2]] / 2
         for axis, sign, along in seats:

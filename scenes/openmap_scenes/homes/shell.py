@@ -173,15 +173,15 @@ def _bar(o: Opening, along: tuple[float, float], height: tuple[float, float], of
 
 def _casing(o: Opening, width: float, m: Material, sill: bool) -> list[Model]:
     """A lining of the hole and flat trim around it, standing 1.5 cm out of the wall on both sides."""
-    t, half, out = 0.015, WALL / 2 + 0.001, WALL / 2 + 0.015
+    t, out = 0.015, WALL / 2 + 0.015
     low = o.sill - (width if sill else 0.0)
     parts = [
-        _bar(o, (o.start, o.start + t), (o.sill, o.top), (-half, half), m),
-        _bar(o, (o.end - t, o.end), (o.sill, o.top), (-half, half), m),
-        _bar(o, (o.start, o.end), (o.top - t, o.top), (-half, half), m),
+        _bar(o, (o.start, o.start + t), (o.sill, o.top), (-out, out), m),
+        _bar(o, (o.end - t, o.end), (o.sill, o.top), (-out, out), m),
+        _bar(o, (o.start, o.end), (o.top - t, o.top), (-out, out), m),
     ]
     if sill:
-        parts.append(_bar(o, (o.start, o.end), (o.sill, o.sill + t), (-half, half), m))
+        parts.append(_bar(o, (o.start, o.end), (o.sill, o.sill + t), (-out, out), m))
     for a, b in ((-out, -WALL / 2), (WALL / 2, out)):
         parts.append(_bar(o, (o.start - width, o.start), (low, o.top + width), (a, b), m))
         parts.append(_bar(o, (o.end, o.end + width), (low, o.top + width), (a, b), m))

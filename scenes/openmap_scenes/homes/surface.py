@@ -22,51 +22,46 @@ def tidy(surface: Surface) -> Surface:
 
 
 def thin(surface: Surface, target: int) -> Surface:
-    """Decimate to about ``target`` triangles, each material by itself so that no colour bleeds, uv from the nearest corner."""
-    n = len(surface.faces)
-    if n <= target:
+    """Decimate to at most ``target`` triangles by vertex clustering: materials, seams and loose parts survive, no cracks open.
+
+    Vertices of one grid cell that face the same way become their mean, so that the two sides of a thin sheet stay apart; every
+    corner keeps its own texture coordinates. The finest grid that meets the target is found by bisection.
+    """
+    if len(surface.faces) <= target:
         return surface
-    parts = []
-    for m in np.unique(surface.material).tolist():
-        part = surface.keep(surface.material == m)
-        parts.append(_thin_part(part, max(12, round(len(part.faces) * target / n))))
-    return join(parts)
+    coarse = float(np.ptp(surface.vertices, axis=0).max()) / 6.0
+    fine, best = 0.0, _cluster(surface, coarse)
+    for _ in range(12):
+        middle = (fine + coarse) / 2.0
+        thinned = _cluster(surface, middle)
+        if len(thinned.faces) <= target:
+            coarse, best = middle, thinned
+        else:
+            fine = middle
+    return best
 
 
-def _thin_part(part: Surface, target: int) -> Surface:
-    if len(part.faces) <= target:
-        return part
-    import open3d as o3d
-    from scipy.spatial import cKDTree
-
-    mesh = o3d.geometry.TriangleMesh(
-        o3d.utility.Vector3dVector(part.vertices), o3d.utility.Vector3iVector(part.faces.astype(np.int32))
-    )
-    mesh = mesh.simplify_quadric_decimation(target)
-    vertices, faces = np.asarray(mesh.vertices).copy(), np.asarray(mesh.triangles).astype(np.int64)
-    if len(faces) == 0:
-        return part
-    uv = np.zeros((len(faces), 3, 2))
-    if part.uv.any():
-        # The old face nearest to a new one tells which uv island it lies on; its plane carries the uv to the new corners.
-        centres = part.vertices[part.faces].mean(1)
-        _, near = cKDTree(centres).query(vertices[faces].mean(1))
-        uv = _carry_uv(part, near, vertices[faces])
-    return Surface(vertices, faces, uv, np.full(len(faces), part.material[0]))
-
-
-def _carry_uv(
-    part: Surface, face: npt.NDArray[np.int64], points: npt.NDArray[np.float64]
-) -> npt.NDArray[np.float64]:
-    """Texture coordinates (N, 3, 2) of points (N, 3, 3) by barycentric coordinates on the old faces (N,), kept near them."""
-    a, b, c = (part.vertices[part.faces[face, k]][:, None] for k in range(3))
-    u, v, w = b - a, c - a, points - a
-    uu, uv, vv = (u * u).sum(-1), (u * v).sum(-1), (v * v).sum(-1)
-    wu, wv = (w * u).sum(-1), (w * v).sum(-1)
-    det = np.maximum(uu * vv - uv * uv, 1e-18)
-    s, t = np.clip((vv * wu - uv * wv) / det, -3, 4), np.clip((uu * wv - uv * wu) / det, -3, 4)
-    old = part.uv[face]
-    return old[:, 0:1] + s[..., None] * (old[:, 1:2] - old[:, 0:1]) + t[..., None] * (old[:, 2:3] - old[:, 0:1])
+def _cluster(surface: Surface, cell: float) -> Surface:
+    low = surface.vertices.min(0)
+    cells = np.floor((surface.vertices - low) / cell + 0.5).astype(np.int64)
+    normal, area = np.zeros_like(surface.vertices), face_normals(surface)
+    for k in range(3):
+        np.add.at(normal, surface.faces[:, k], area)
+    axis = np.abs(normal).argmax(1)
+    side = 2 * axis + (normal[np.arange(len(axis)), axis] > 0)
+    cells = np.concatenate([cells, side[:, None]], 1)
+    key = np.ravel_multi_index(tuple(cells.T), tuple((cells.max(0) + 1).tolist()))
+    _, inverse = np.unique(key, return_inverse=True)
+    inverse = inverse.reshape(-1)
+    count = np.bincount(inverse)
+    mean = np.stack([np.bincount(inverse, surface.vertices[:, k]) / count for k in range(3)], 1)
+    faces = inverse[surface.faces]
+    proper = (faces[:, 0] != faces[:, 1]) & (faces[:, 1] != faces[:, 2]) & (faces[:, 2] != faces[:, 0])
+    order = np.sort(faces, axis=1)
+    _, first = np.unique((order[:, 0] * len(count) + order[:, 1]) * len(count) + order[:, 2], return_index=True)
+    once = np.zeros(len(faces), bool)
+    once[first] = True
+    return Surface(mean, faces, surface.uv, surface.material).keep(proper & once)
 
 
 def split(surface: Surface, longest: float) -> Surface:
@@ -128,17 +123,6 @@ def corner_normals(surface: Surface, crease: float = 0.75) -> npt.NDArray[np.flo
     smooth = total[surface.faces]
     keep = (smooth * flat[:, None]).sum(-1, keepdims=True) > crease
     return np.where(keep, smooth, flat[:, None])
-
-
-def join(parts: list[Surface]) -> Surface:
-    """Several surfaces, which share their material list, as one."""
-    offsets = np.cumsum([0] + [len(p.vertices) for p in parts[:-1]])
-    return Surface(
-        np.concatenate([p.vertices for p in parts]),
-        np.concatenate([p.faces + o for p, o in zip(parts, offsets, strict=True)]),
-        np.concatenate([p.uv for p in parts]),
-        np.concatenate([p.material for p in parts]),
-    )
 
 
 def sphere(n: int) -> npt.NDArray[np.float64]:
