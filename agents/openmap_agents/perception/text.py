@@ -6,6 +6,8 @@ The model is a plain post-norm BERT, so torch's own ``TransformerEncoder`` runs 
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -76,6 +78,17 @@ def _state(checkpoint: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
     return state
 
 
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """Torch on one thread: a text is too short to share, and waiting threads slow a busy machine down a hundredfold."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        yield
+    finally:
+        torch.set_num_threads(before)
+
+
 class TextEncoder:
     """Sentences and words as unit vectors (n, 384) float32; remembers what it was asked.
 
@@ -113,7 +126,7 @@ class TextEncoder:
 
     def encode_text(self, texts: list[str]) -> npt.NDArray[np.float32]:
         """Unit vectors (n, 384) float32 of n texts; the empty list gives (0, 384)."""
-        with torch.inference_mode():
+        with torch.inference_mode(), one_thread():
             for text in texts:
                 if text not in self._known:
                     tokens = torch.tensor([self._tokenizer.encode(text).ids])
