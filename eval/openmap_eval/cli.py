@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import sys
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -115,7 +115,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the command line; bad input ends in one message and exit status 2, without a traceback."""
     logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s", stream=sys.stderr)
     console = Console()
-    command: Eval | Demo | Query | Scenes = tyro.cli(Command, args=arguments, prog="openmap", description=__doc__)  # type: ignore[arg-type]
+    command: Eval | Demo | Query | Scenes = tyro.cli(Command, args=arguments, prog="openmap", description=__doc__)
     try:
         command.run(console)
     except (DataError, ValueError) as error:
@@ -124,6 +124,3 @@ def main(arguments: list[str] | None = None) -> None:
     except KeyboardInterrupt:
         console.print("stopped; the same command goes on from here")
         raise SystemExit(130) from None
-
-
-__all__ = ["Demo", "Eval", "Query", "Scenes", "fields", "main"]

@@ -5,9 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from openmap_agents.openmap_agent import OpenMapAgent
-
 from openmap_agents.agent import Agent
+from openmap_agents.openmap_agent import OpenMapAgent
 from openmap_env.env import OpenMapNavEnv
 from openmap_env.episodes import Episode
 from openmap_eval.pictures import Picture, heat_picture, map_picture, write_png

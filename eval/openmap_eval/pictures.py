@@ -121,7 +121,9 @@ def draw_instances(picture: Picture, plan: Plan, instances: Sequence[MapInstance
     if not instances:
         return
     points = np.concatenate([i.points for i in instances])
-    colours = np.concatenate([np.tile(np.uint8(instance_colour(i.id)), (len(i.points), 1)) for i in instances])
+    colours = np.concatenate(
+        [np.tile(np.array(instance_colour(i.id), np.uint8), (len(i.points), 1)) for i in instances]
+    )
     draw_points(picture, plan, points, colours)
 
 

@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, cast
 
 import gymnasium as gym
 import numpy as np
@@ -93,7 +93,7 @@ def evaluate(
             for record in run_scene(env, agent, open_episodes, episodes[0], settings, on_step, on_progress):
                 records.append(record)
             if on_scene_end:
-                on_scene_end(env.unwrapped, agent, task.scene)
+                on_scene_end(_bare(env), agent, task.scene)
         finally:
             env.close()
     summary = {"settings": asdict(settings), **summarise(records.records, settings.seed)}
@@ -131,6 +131,10 @@ def make_env(task: SceneTask, settings: EvalSettings) -> gym.Env[Any, Any]:
     )
 
 
+def _bare(env: gym.Env[Any, Any]) -> OpenMapNavEnv:
+    return cast(OpenMapNavEnv, env.unwrapped)
+
+
 def _enter(env: gym.Env[Any, Any], settings: EvalSettings) -> tuple[Agent, list[Episode]]:
     """Load the scene; the agent for it and all of its episodes."""
     env.reset(seed=settings.seed)
@@ -142,7 +146,7 @@ def _enter(env: gym.Env[Any, Any], settings: EvalSettings) -> tuple[Agent, list[
         protocol=settings.protocol,
         seed=settings.seed,
     )
-    return agent, env.unwrapped.episodes
+    return agent, _bare(env).episodes
 
 
 def run_scene(
@@ -168,7 +172,7 @@ def run_scene(
         )
         if on_progress:
             on_progress("answering", number, len(episodes))
-        yield _record(env.unwrapped, episode, info["metrics"], answer, time.perf_counter() - started)
+        yield _record(_bare(env), episode, info["metrics"], answer, time.perf_counter() - started)
 
 
 def _play(
@@ -190,12 +194,12 @@ def _play(
     over, steps, answer = False, 0, None
     while not over:
         if on_step:
-            on_step(env.unwrapped, agent, observation)
+            on_step(_bare(env), agent, observation)
         action = agent.act(observation)
         if action == STOP:
             answer = agent.answer()
             if answer is not None:
-                env.unwrapped.declare(answer.positions)
+                _bare(env).declare(answer.positions)
         observation, _, terminated, truncated, info = env.step(action)
         over = terminated or truncated
         steps += 1
