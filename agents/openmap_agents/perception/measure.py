@@ -38,8 +38,8 @@ def ious(
 
 
 def true_masks(ids: npt.NDArray[np.int32], wanted: Iterable[int]) -> tuple[Masks, list[int]]:
-    """Masks of the wanted ids with at least ``MIN_PIXELS`` pixels, and which they are."""
-    kept = [i for i in wanted if (ids == i).sum() >= MIN_PIXELS]
+    """Masks of the wanted ids with at least ``MIN_PIXELS`` pixels of a 640 x 480 picture, and which they are."""
+    kept = [i for i in wanted if (ids == i).sum() >= MIN_PIXELS * ids.size / (640 * 480)]
     labels = np.zeros(ids.shape, np.int32)
     for k, i in enumerate(kept):
         labels[ids == i] = k + 1

@@ -216,26 +216,56 @@ def _rate(
 
 
 @numba.njit(cache=True)
+def _absorb(a: int, b: int, sums: np.ndarray, extremes: np.ndarray, boundary: np.ndarray) -> None:
+    """Region b becomes part of region a."""
+    sums[a] += sums[b]
+    for low, high in ((0, 3), (1, 4), (2, 5), (6, 8), (7, 9)):
+        extremes[a, low] = min(extremes[a, low], extremes[b, low])
+        extremes[a, high] = max(extremes[a, high], extremes[b, high])
+    for c in range(len(sums)):
+        if c != a and boundary[b, c, 0] > 0:
+            boundary[a, c] += boundary[b, c]
+            boundary[c, a] += boundary[c, b]
+        boundary[b, c] = 0
+        boundary[c, b] = 0
+
+
+@numba.njit(cache=True)
 def _agglomerate(
-    sums: np.ndarray, extremes: np.ndarray, boundary: np.ndarray, floor: float, stop: float,
-    w1: np.ndarray, b1: np.ndarray, w2: np.ndarray, b2: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:  # fmt: skip
-    """Merges (m, 2) int32 in order, kept region first, and their probabilities (m,). Changes its arguments."""
+    sums: np.ndarray,
+    extremes: np.ndarray,
+    boundary: np.ndarray,
+    floor: float,
+    stop: float,
+    w1: np.ndarray,
+    b1: np.ndarray,
+    w2: np.ndarray,
+    b2: np.ndarray,
+    seen: np.ndarray,
+    rows: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, int]:
+    """Children (k, 2) of the joined nodes n, n + 1, ... and their probabilities, sums and extremes.
+
+    Changes its arguments: the pairs that it rates and their features go to ``seen`` (L, 2) and ``rows`` (L, N_PAIR), as far as
+    there is room; the last result says how many.
+    """
     n = len(sums)
+    logged = 0
     row = np.empty(N_PAIR)
     rate = np.full((n, n), -1.0)
-    best = np.full(n, -1)
+    best = np.zeros(n, np.int64)
     for a in range(n):
         for b in range(a + 1, n):
             if boundary[a, b, 0] > 0:
-                rate[a, b] = rate[b, a] = _rate(
-                    a, b, sums, extremes, boundary, floor, row, w1, b1, w2, b2
-                )  # fmt: skip
-        best[a] = np.argmax(rate[a])
+                rate[a, b] = rate[b, a] = _rate(a, b, sums, extremes, boundary, floor, row, w1, b1, w2, b2)
+                if logged < len(rows):
+                    seen[logged, 0], seen[logged, 1], rows[logged] = a, b, row
+                    logged += 1
     for a in range(n):
         best[a] = np.argmax(rate[a])
-    merges = np.empty((n, 2), np.int32)
-    values = np.empty(n)
+    node = np.arange(n)
+    children, values = np.empty((n, 2), np.int32), np.empty(n)
+    node_sums, node_extremes = np.empty((n, N_SUMS)), np.empty((n, N_EXTREMES))
     count = 0
     while count < n - 1:
         a, value = -1, stop
@@ -244,40 +274,29 @@ def _agglomerate(
                 a, value = i, rate[i, best[i]]
         if a < 0:
             break
-        b = best[a]
-        a, b = min(a, b), max(a, b)
-        merges[count, 0], merges[count, 1], values[count] = a, b, value
+        a, b = min(a, best[a]), max(a, best[a])
+        children[count, 0], children[count, 1], values[count] = node[a], node[b], value
+        node[a] = n + count
+        _absorb(a, b, sums, extremes, boundary)
+        node_sums[count], node_extremes[count] = sums[a], extremes[a]
         count += 1
-        sums[a] += sums[b]
-        for k in range(3):
-            extremes[a, k] = min(extremes[a, k], extremes[b, k])
-            extremes[a, 3 + k] = max(extremes[a, 3 + k], extremes[b, 3 + k])
-        for k in range(6, 8):
-            extremes[a, k] = min(extremes[a, k], extremes[b, k])
-            extremes[a, k + 2] = max(extremes[a, k + 2], extremes[b, k + 2])
+        rate[b, :] = -1.0
+        rate[:, b] = -1.0
+        rate[a, :] = -1.0
         for c in range(n):
-            if c != a and c != b and boundary[b, c, 0] > 0:
-                boundary[a, c] += boundary[b, c]
-                boundary[c, a] += boundary[c, b]
-                boundary[b, c] = 0
-                boundary[c, b] = 0
-            rate[b, c] = rate[c, b] = -1.0
-        boundary[a, b] = 0
-        boundary[b, a] = 0
-        for c in range(n):
+            rate[c, a] = -1.0
             if boundary[a, c, 0] > 0:
-                rate[a, c] = rate[c, a] = _rate(
-                    a, c, sums, extremes, boundary, floor, row, w1, b1, w2, b2
-                )  # fmt: skip
+                rate[a, c] = rate[c, a] = _rate(a, c, sums, extremes, boundary, floor, row, w1, b1, w2, b2)
+                if logged < len(rows):
+                    seen[logged, 0], seen[logged, 1], rows[logged] = node[a], node[c], row
+                    logged += 1
         best[a] = np.argmax(rate[a])
-        best[b] = a
         for c in range(n):
-            if rate[a, c] >= 0.0:
-                if best[c] == a or best[c] == b:
-                    best[c] = np.argmax(rate[c])
-                elif rate[c, a] > rate[c, best[c]]:
-                    best[c] = a
-    return merges[:count], values[:count]
+            if best[c] == a or best[c] == b:
+                best[c] = np.argmax(rate[c])
+            elif rate[c, a] > rate[c, best[c]]:
+                best[c] = a
+    return children[:count], values[:count], node_sums[:count], node_extremes[:count], logged
 
 
 @dataclass(frozen=True)
@@ -299,30 +318,70 @@ class Network:
         return np.asarray(1.0 / (1.0 + np.exp(-z)))
 
 
-def agglomerate(
-    regions: Regions, floor: float, network: Network, stop: float
-) -> tuple[npt.NDArray[np.int32], Regions, npt.NDArray[np.int32]]:
-    """Join touching regions, most probable pair first, until no pair is more probable than ``stop``.
+@dataclass(frozen=True)
+class Tree:
+    """How n regions were joined, one pair at a time: nodes 0..n-1 are the regions, node n + i is the i-th join.
 
-    Returns
-    -------
-    owner : (n,) int32
-        The region 0..m-1 that each of the n old ones belongs to, in the old order of the first parts.
-    joined : Regions
-        The m new ones; their extremes hold, their boundaries are those between them.
-    merges : (k, 2) int32
-        The joins in order, by old numbers, the one that lives on first.
+    Parameters
+    ----------
+    children : (k, 2) int32
+        The two nodes that make node n + i.
+    probabilities : (k,) float64
+        That they belonged together, when they were joined.
+    sums : (n + k, N_SUMS), extremes : (n + k, N_EXTREMES)
+        As in ``Regions``, of every node.
     """
-    sums, extremes, boundary = regions.sums.copy(), regions.extremes.copy(), regions.boundary.copy()
-    merges, _ = _agglomerate(sums, extremes, boundary, floor, stop, *network.arrays())
-    parent = np.arange(len(sums))
-    for a, b in merges[::-1]:
-        parent[b] = a
-    for i in range(len(parent)):  # a < b in every join, so parents come before their children
-        parent[i] = parent[parent[i]]
-    alive, owner = np.unique(parent, return_inverse=True)
-    joined = Regions(sums[alive], extremes[alive], boundary[np.ix_(alive, alive)])
-    return owner.astype(np.int32), joined, merges
+
+    children: npt.NDArray[np.int32]
+    probabilities: npt.NDArray[np.float64]
+    sums: npt.NDArray[np.float64]
+    extremes: npt.NDArray[np.float64]
+
+    @property
+    def n_leaves(self) -> int:
+        return len(self.sums) - len(self.children)
+
+
+_NO_LOG = (np.empty((0, 2), np.int32), np.empty((0, N_PAIR)))
+
+
+def agglomerate(
+    regions: Regions,
+    floor: float,
+    network: Network,
+    stop: float,
+    log: tuple[npt.NDArray[np.int32], npt.NDArray[np.float64]] = _NO_LOG,
+) -> tuple[Tree, int]:
+    """Join touching regions, the most probable pair first, until no pair is more probable than ``stop``.
+
+    For training, ``log`` takes the nodes (L, 2) and the features (L, N_PAIR) of the pairs looked at; how many is the second result.
+    """
+    sums, extremes = regions.sums.copy(), regions.extremes.copy()
+    children, probabilities, joined_sums, joined_extremes, logged = _agglomerate(
+        sums, extremes, regions.boundary.copy(), floor, stop, *network.arrays(), *log
+    )
+    tree = Tree(
+        children,
+        probabilities,
+        np.concatenate([regions.sums, joined_sums]),
+        np.concatenate([regions.extremes, joined_extremes]),
+    )
+    return tree, logged
+
+
+def best_cut(tree: Tree, worth: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
+    """The node (n,) that each region goes to, in the cut through the tree whose nodes are together worth most."""
+    n = tree.n_leaves
+    total, whole = worth.copy(), np.ones(len(worth), bool)
+    for i, (a, b) in enumerate(tree.children, start=n):
+        apart = total[a] + total[b]
+        whole[i] = worth[i] >= apart
+        total[i] = max(worth[i], apart)
+    owner = np.arange(len(worth))
+    for i in range(len(worth) - 1, n - 1, -1):
+        if owner[i] != i or whole[i]:
+            owner[tree.children[i - n]] = owner[i]
+    return owner[:n]
 
 
 @numba.njit(cache=True)
@@ -333,26 +392,6 @@ def _region_rows(sums: np.ndarray, extremes: np.ndarray, floor: float, pixels: f
     return rows
 
 
-def region_features(regions: Regions, floor: float, pixels: int) -> npt.NDArray[np.float64]:
-    """What a network may know of each region by itself, (n, N_REGION)."""
+def region_features(regions: Regions | Tree, floor: float, pixels: int) -> npt.NDArray[np.float64]:
+    """What a network may know of each region, or of each node of a tree, by itself, (n, N_REGION); the picture's pixels."""
     return np.asarray(_region_rows(regions.sums, regions.extremes, floor, float(pixels)))
-
-
-@numba.njit(cache=True)
-def _pair_rows(
-    pairs: np.ndarray, sums: np.ndarray, extremes: np.ndarray, boundary: np.ndarray, floor: float
-) -> np.ndarray:
-    rows = np.empty((len(pairs), N_PAIR))
-    for r in range(len(pairs)):
-        a, b = pairs[r]
-        if sums[a, 0] > sums[b, 0] or (sums[a, 0] == sums[b, 0] and a > b):
-            a, b = b, a
-        _pair_row(sums[a], extremes[a], sums[b], extremes[b], boundary[a, b], floor, rows[r])
-    return rows
-
-
-def pair_features(regions: Regions, floor: float) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float64]]:
-    """Touching pairs (k, 2) int32, a < b, and their features (k, N_PAIR)."""
-    a, b = np.nonzero(np.triu(regions.boundary[..., 0]))
-    pairs = np.stack([a, b], 1).astype(np.int32)
-    return pairs, np.asarray(_pair_rows(pairs, regions.sums, regions.extremes, regions.boundary, floor))

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from openmap_agents.perception.surface import Surface
 
 _SCALE = 0.6  # k of the paper: larger gives larger patches
-_MIN_PIXELS = 12
+_MIN_PIXELS = 20
 _LEVELS = 4095  # weights are compared as integers of this resolution
 
 
