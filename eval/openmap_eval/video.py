@@ -9,9 +9,10 @@ from typing import Any
 import cv2
 import imageio.v2 as imageio
 import numpy as np
-from openmap_agents.openmap_agent import OpenMapAgent
 
 from openmap_agents.agent import Agent, Observation
+from openmap_agents.mapping import MapInstance
+from openmap_agents.openmap_agent import OpenMapAgent
 from openmap_env.env import OpenMapNavEnv
 from openmap_env.picture import coloured_depth
 from openmap_eval.pictures import (
@@ -27,6 +28,8 @@ from openmap_eval.pictures import (
 
 PANEL = (480, 360)
 FRAMES_A_SECOND = 20
+MAP_EVERY = 20
+"""The map is asked for its instances every so many steps: merging anew for every frame would slow the walk down."""
 
 
 class WalkVideo:
@@ -39,6 +42,7 @@ class WalkVideo:
         self._path, self._temporary, self._every = path, path.with_name(f".{path.name}.tmp.mp4"), every
         self._steps = 0
         self._seen_masks: Any = None
+        self._things: list[MapInstance] = []
         self._mask_panel = np.zeros((PANEL[1], PANEL[0], 3), np.uint8)
         self._writer = imageio.get_writer(
             self._temporary,
@@ -55,6 +59,8 @@ class WalkVideo:
         if agent.last_masks is not None and agent.last_masks is not self._seen_masks:
             self._seen_masks = agent.last_masks
             self._mask_panel = _panel(mask_picture(observation["rgb"], agent.last_masks.labels))
+        if self._steps % MAP_EVERY == 0:
+            self._things = things(agent.instance_map)
         if self._steps % self._every == 0:
             self._writer.append_data(self._compose(agent, observation))
         self._steps += 1
@@ -69,7 +75,7 @@ class WalkVideo:
                 self._mask_panel,
                 f"masks of the last keyframe: {0 if self._seen_masks is None else len(self._seen_masks)}",
             ),
-            titled(_growing_map(agent), f"map: {len(things(agent.instance_map))} things after {self._steps} steps"),
+            titled(_growing_map(agent, self._things), f"map: {len(self._things)} things after {self._steps} steps"),
         ]
         return np.vstack([np.hstack(top), np.hstack(bottom)])
 
@@ -90,9 +96,8 @@ def _panel(picture: Picture) -> Picture:
     return np.asarray(cv2.resize(picture, PANEL, interpolation=cv2.INTER_AREA), np.uint8)
 
 
-def _growing_map(agent: OpenMapAgent) -> Picture:
+def _growing_map(agent: OpenMapAgent, seen: list[MapInstance]) -> Picture:
     trajectory = np.asarray(agent.trajectory)
-    seen = things(agent.instance_map)
     extent = [trajectory, *(np.stack([i.aabb_min, i.aabb_max]) for i in seen)]
     # At least 8 m across, so that the picture does not jump about in the first steps.
     plan = Plan.around(np.concatenate([*extent, trajectory[:1] - 4.0, trajectory[:1] + 4.0]), PANEL)

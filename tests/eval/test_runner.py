@@ -1,0 +1,147 @@
+"""The evaluation loop on a toy home: agents that bound each other, resuming, and pages that say what they are."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from openmap_eval.cli import main
+from openmap_eval.report import write_report
+from openmap_eval.runner import EvalSettings, SceneTask, evaluate
+from openmap_scenes import DataError
+
+
+def settings(**changes) -> EvalSettings:
+    return EvalSettings(**{"width": 64, "height": 48, "max_steps": 30, **changes})
+
+
+def run(agent: str, out, toy_specs, protocol="retrieval", episodes=4, **changes):
+    return evaluate([SceneTask(toy_specs[0], episodes)], settings(agent=agent, protocol=protocol, **changes), out)
+
+
+def lines(out) -> list[dict]:
+    return [json.loads(line) for line in (out / "episodes.jsonl").read_text().splitlines()]
+
+
+@pytest.mark.parametrize("protocol", ["retrieval", "navigation"])
+def test_the_oracle_bounds_from_above_and_the_idle_agents_from_below(tmp_path, toy_specs, protocol):
+    means = {
+        agent: run(agent, tmp_path / agent, toy_specs, protocol, max_steps=120)["all"]["sr_1"]["mean"]
+        for agent in ("oracle", "random", "stand_still")
+    }
+    assert means["oracle"] == 1.0
+    assert means["random"] < 1.0
+    assert means["stand_still"] < 1.0
+
+
+def test_a_record_holds_what_scripts_read(tmp_path, toy_specs):
+    run("oracle", tmp_path, toy_specs)
+    for line in lines(tmp_path):
+        assert {"episode_id", "scene", "instruction", "kind", "metrics", "seconds", "trace"} <= set(line)
+        assert {"sr_1", "sr_4", "sr_8", "sr_16", "sr_surface_1", "nav_success", "spl"} <= set(line["metrics"])
+        assert line["targets"]
+    assert json.loads((tmp_path / "summary.json").read_text())["episodes"] == 4
+
+
+def test_a_run_that_was_killed_goes_on_where_it_was(tmp_path, toy_specs):
+    whole = run("random", tmp_path / "whole", toy_specs)
+    run("random", tmp_path / "cut", toy_specs)
+    path = tmp_path / "cut" / "episodes.jsonl"
+    kept = path.read_text().splitlines(keepends=True)[:2]
+    path.write_text("".join(kept) + '{"episode_id": "half of a li')
+    (tmp_path / "cut" / "summary.json").unlink()
+    resumed = run("random", tmp_path / "cut", toy_specs)
+    assert path.read_text().startswith("".join(kept))
+    ids = [line["episode_id"] for line in lines(tmp_path / "cut")]
+    assert sorted(ids) == sorted(line["episode_id"] for line in lines(tmp_path / "whole"))
+    assert resumed["episodes"] == whole["episodes"]
+
+
+def test_a_finished_run_is_not_run_again(tmp_path, toy_specs):
+    run("random", tmp_path, toy_specs)
+    before = (tmp_path / "episodes.jsonl").read_bytes()
+    run("random", tmp_path, toy_specs)
+    assert (tmp_path / "episodes.jsonl").read_bytes() == before
+
+
+def test_other_settings_do_not_mix_with_what_is_there(tmp_path, toy_specs):
+    run("random", tmp_path, toy_specs)
+    with pytest.raises(DataError, match="seed"):
+        run("random", tmp_path, toy_specs, seed=1)
+
+
+def test_one_seed_gives_one_result(tmp_path, toy_specs):
+    for name in ("a", "b"):
+        run("random", tmp_path / name, toy_specs, protocol="navigation", seed=3)
+    timeless = [[{k: v for k, v in line.items() if k != "seconds"} for line in lines(tmp_path / name)] for name in "ab"]
+    assert timeless[0] == timeless[1]
+
+
+@pytest.mark.parametrize(
+    ("agent", "perception", "named"),
+    [("oracle", "embedded", True), ("openmap", "oracle", True), ("openmap", "embedded", False)],
+)
+def test_a_page_with_an_oracle_in_it_says_so(tmp_path, toy_specs, agent, perception, named):
+    summary = run("stand_still", tmp_path, toy_specs)
+    summary["settings"] |= {"agent": agent, "perception": perception}
+    write_report(tmp_path / "report.html", summary, [])
+    page = (tmp_path / "report.html").read_text()
+    assert ("<title>ORACLE" in page) == named
+
+
+def test_the_page_shows_no_markup_of_its_episodes(tmp_path, toy_specs):
+    from dataclasses import replace
+
+    from openmap_eval.records import RecordFile
+
+    summary = run("stand_still", tmp_path, toy_specs)
+    hostile = [
+        replace(r, instruction="<script>alert(1)</script>") for r in RecordFile(tmp_path / "episodes.jsonl").records
+    ]
+    write_report(tmp_path / "report.html", summary, hostile)
+    page = (tmp_path / "report.html").read_text()
+    assert "<script>" not in page
+    assert "&lt;script&gt;" in page
+
+
+def test_the_command_line_runs_it(tmp_path, toy_specs, capsys):
+    main(
+        [
+            "eval",
+            "--scene",
+            toy_specs[0],
+            "--episodes",
+            "3",
+            "--agent",
+            "random",
+            "--out",
+            str(tmp_path),
+            "--width",
+            "64",
+            "--height",
+            "48",
+            "--max-steps",
+            "20",
+        ]
+    )
+    assert len(lines(tmp_path)) == 3
+    assert (tmp_path / "report.html").exists()
+    assert "SR_16" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--scene", "nonsense:1"], "nonsense"),
+        ([], "--scene"),
+        (["--scene", "toy:0", "--agent", "nobody"], "nobody"),
+        (["--scene", "toy:0", "--episodes", "0"], "at least one"),
+        (["--scene", "toy:0", "--episodes", "missing.jsonl"], "missing.jsonl"),
+    ],
+)
+def test_bad_input_ends_in_one_message(tmp_path, toy_specs, capsys, arguments, says):
+    with pytest.raises(SystemExit) as stopped:
+        main(["eval", *arguments, "--out", str(tmp_path / "out")])
+    assert stopped.value.code == 2
+    assert says in capsys.readouterr().out
