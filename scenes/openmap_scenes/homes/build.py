@@ -126,7 +126,15 @@ def _assemble(name: str, source: str, plan: Plan, shell: list[Piece], items: lis
     boxes = instance_boxes(vertices, faces, face_instance)
     instances = [
         Instance(
-            i, kind, (boxes[i][0] + boxes[i][1]) / 2, boxes[i][0], boxes[i][1], room + 1, mpcat40(kind), dict(attributes), i
+            i,
+            kind,
+            (boxes[i][0] + boxes[i][1]) / 2,
+            boxes[i][0],
+            boxes[i][1],
+            room + 1,
+            mpcat40(kind),
+            dict(attributes),
+            i,
         )
         for i, (kind, room, attributes) in enumerate(labels, start=1)
     ]

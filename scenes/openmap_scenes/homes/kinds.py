@@ -93,10 +93,18 @@ _FAMILIES = (
     "piano bench|trunk|suitcase|bench",
     "child bed|bunk bed|captain's bed|day bed|crib|cradle",
     "chest of drawers|dresser|dressing table|cupboard|cabinet",
-    "teddy bear|toy car|toy train|toy plane|toy|doll|soccer ball|basketball|puzzle|xylophone|rubik's cube|rocking horse"
-    "|dollhouse|tricycle|skateboard",
-    "microwave|toaster|kettle|coffee maker|coffee machine|blender|stand mixer|sandwich maker|juicer|deep fryer|coffee press",
-    "knife block|cutting board|bread|bread box|pot|bowl|paper towels|spice rack|utensil holder|teapot|kitchen scale|plate",
+    (
+        "teddy bear|toy car|toy train|toy plane|toy|doll|soccer ball|basketball|puzzle|xylophone|rubik's cube"
+        "|rocking horse|dollhouse|tricycle|skateboard"
+    ),
+    (
+        "microwave|toaster|kettle|coffee maker|coffee machine|blender|stand mixer|sandwich maker|juicer"
+        "|deep fryer|coffee press"
+    ),
+    (
+        "knife block|cutting board|bread|bread box|pot|bowl|paper towels|spice rack|utensil holder|teapot"
+        "|kitchen scale|plate"
+    ),
     "bowl of fruit|bowl of apples|bowl of salad|birthday cake|roast chicken|place setting|sushi tray|butter",
     "mug|cup|coffee cup|glass|wine bottle|beer bottle|milk carton|beer glass|cocktail glass",
     "ficus|yucca|peace lily|spider plant|bonsai|cactus|orchid|succulent|flowers|tulips|lilies|bamboo plant",
@@ -122,7 +130,7 @@ def read_splits() -> dict[str, str]:
     for piece, kind in kinds.items():
         alone = kind.kind if count[kind.kind] > 1 else "others"
         groups[kind.kind if count[kind.kind] > 2 else family.get(kind.kind, alone)].append(piece)
-    splits = {}
+    splits: dict[str, str] = {}
     for pieces in groups.values():
         n = len(pieces)
         n_val, n_test = max(1, round(0.2 * n)), max(1, round(0.15 * n))

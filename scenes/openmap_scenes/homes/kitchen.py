@@ -141,7 +141,7 @@ def _above(space: RoomSpace, stock: Stock, placed: list[Item]) -> None:
     """A hood over the stove, wall cabinets over the counter."""
     cabinet = stock.get("wall cabinet", "glass cabinet", width=0.7)
     for base in placed:
-        side = min(space.sides, key=lambda s: (turn_of(s) != base.angle))
+        side = min(space.sides, key=lambda s: turn_of(s) != base.angle)
         along = float(((base.low + base.high) / 2)[0 if side.axis == "x" else 2])
         if base.thing.kind == "stove":
             hood = stock.get("range hood", width=1.1)

@@ -6,18 +6,16 @@ the share of the hemisphere that is open within reach (ambient occlusion), the w
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from openmap_scenes.homes.rays import RayCaster
 from openmap_scenes.homes.surface import sphere
 
 REACHES = (0.3, 0.7, 1.4)
 AMBIENT, SKY, LAMP = 0.62, 1.5, 0.85
-# Whether something lies between each origin (V, 3) and origin + end * way (V, 3).
-Blocked = Callable[[npt.NDArray[np.float32], npt.NDArray[np.float32], float], npt.NDArray[np.bool_]]
 DAY = np.array([0.97, 1.0, 1.03])
 WARM = np.array([1.03, 0.99, 0.91])
 
@@ -46,28 +44,18 @@ def bake(
     Where ``may_hide`` (V,) bool holds and no ray gets out the place is inside something: it becomes grey instead of black,
     because all that is ever seen of it is a pixel through a seam.
     """
-    import open3d as o3d
-
-    scene = o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(vertices, faces.astype(np.uint32))
-
-    def blocked(
-        origin: npt.NDArray[np.float32], way: npt.NDArray[np.float32], end: float
-    ) -> npt.NDArray[np.bool_]:
-        rays_6 = o3d.core.Tensor(np.concatenate([origin, way], 1).astype(np.float32))
-        return np.asarray(scene.test_occlusions(rays_6, 0.0, end).numpy())
-
+    caster = RayCaster(vertices, faces)
     first, inverse = _distinct(points, normals)
     normal = normals[first] / np.maximum(np.linalg.norm(normals[first], axis=1, keepdims=True), np.float32(1e-6))
     origin = points[first] + np.float32(0.02) * normal
     openness = np.zeros(len(origin), np.float32)
     for k, direction in enumerate(_hemisphere(normal, rays)):
-        openness += ~blocked(origin, direction, REACHES[k % len(REACHES)])
+        openness += ~caster.blocked(origin, direction, REACHES[k % len(REACHES)])
     openness /= rays
     # Light from above is stronger than light from the floor.
     total = AMBIENT * (openness * (0.86 + 0.14 * normal[:, 1]))[:, None] * np.ones(3)
     for light in lights:
-        total += _direct(origin, normal, light, blocked)[:, None] * light.tint
+        total += _direct(origin, normal, light, caster)[:, None] * light.tint
     total[(openness == 0.0) & may_hide[first]] = 0.4
     shade = np.clip(1.0 - np.exp(-2.1 * total), 0.0, 1.0) ** 0.8
     return np.asarray(np.round(255.0 * np.clip(shade * 1.06, 0.22, 1.0)), np.uint8)[inverse]
@@ -97,7 +85,7 @@ def _direct(
     origin: npt.NDArray[np.float32],
     normal: npt.NDArray[np.float32],
     light: Light,
-    blocked: Blocked,
+    caster: RayCaster,
 ) -> npt.NDArray[np.float64]:
     """What a light sends to each place, (V,): power * cosines / (1 + r^2), shadows by rays."""
     total = np.zeros(len(origin))
@@ -112,5 +100,5 @@ def _direct(
         lit = np.flatnonzero(strength * light.power > 0.006)
         if len(lit):
             # A ray as long as the way to the light; its last stretch is left out, where the lamp itself is.
-            total[lit] += strength[lit] * ~blocked(origin[lit], to[lit], 0.97)
+            total[lit] += strength[lit] * ~caster.blocked(origin[lit], to[lit], 0.97)
     return total * light.power / len(light.points)

@@ -17,7 +17,7 @@ from openmap_scenes.homes.obj import Surface, read_obj
 from openmap_scenes.homes.surface import corner_normals, split, thin, tidy, turn_outward
 from openmap_scenes.scene import Material
 
-CACHE_VERSION = 6
+CACHE_VERSION = 7
 TEXTURE_SIZE = 256
 LONGEST_EDGE = 0.5
 
@@ -46,7 +46,7 @@ class Model:
     @property
     def size(self) -> npt.NDArray[np.float64]:
         """Extent (3,) m along x, y, z."""
-        return (self.vertices.max(0) - self.vertices.min(0)).astype(np.float64)
+        return np.asarray(np.ptp(self.vertices, axis=0), np.float64)
 
 
 def load_model(piece: Piece) -> Model:
@@ -135,8 +135,7 @@ def _pack(model: Model) -> bytes:
 def _unpack(data: bytes) -> Model:
     with np.load(io.BytesIO(data), allow_pickle=False) as file:
         materials = [
-            Material(str(name), colour, file[f"texture{i}"] if f"texture{i}" in file else None)
+            Material(str(name), colour, file.get(f"texture{i}"))
             for i, (name, colour) in enumerate(zip(file["names"], file["colours"], strict=True))
         ]
-        arrays = [file[k] for k in ("vertices", "normals", "uv", "faces", "face_material")]
-    return Model(*arrays, materials)
+        return Model(file["vertices"], file["normals"], file["uv"], file["faces"], file["face_material"], materials)

@@ -169,4 +169,4 @@ def _texture(archive: zipfile.ZipFile, path: str, size: int) -> npt.NDArray[np.u
     pixels = np.asarray(rgba, np.float64)
     alpha = pixels[..., 3:] / 255.0
     mean = (pixels[..., :3] * alpha).sum((0, 1)) / max(alpha.sum(), 1e-9)
-    return np.round(pixels[..., :3] * alpha + mean * (1.0 - alpha)).astype(np.uint8)
+    return np.asarray(np.round(pixels[..., :3] * alpha + mean * (1.0 - alpha)), np.uint8)

@@ -7,14 +7,14 @@ None then, and the furnishing rules go on without it.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import label
 
 from openmap_scenes.homes.models import Model
-from openmap_scenes.homes.plan import CEILING, CLEARANCE, Plan, Rect, Side
+from openmap_scenes.homes.plan import CEILING, CLEARANCE, Opening, Plan, Rect, Side
+from openmap_scenes.homes.rays import RayCaster
 
 CELL = 0.05
 BODY_RADIUS = 0.2
@@ -47,7 +47,7 @@ class Item:
     room: int
     low: npt.NDArray[np.float64] = field(init=False)
     high: npt.NDArray[np.float64] = field(init=False)
-    _scene: Any = field(init=False, default=None, repr=False)
+    _caster: RayCaster | None = field(init=False, default=None, repr=False)
 
     def __post_init__(self) -> None:
         world = self.world(self.thing.model.vertices)
@@ -75,18 +75,13 @@ class Item:
 
     def height_under(self, rect: Rect, level: float) -> float | None:
         """Height, m, on which something with that footprint stands on this item, or None where it is not flat to ``level`` m."""
-        import open3d as o3d
-
-        if self._scene is None:
-            self._scene = o3d.t.geometry.RaycastingScene()
-            vertices = self.world(self.thing.model.vertices).astype(np.float32)
-            self._scene.add_triangles(vertices, self.thing.model.faces.astype(np.uint32))
+        if self._caster is None:
+            self._caster = RayCaster(self.world(self.thing.model.vertices), self.thing.model.faces)
         x = np.linspace(rect.x0, rect.x1, max(3, int(rect.width / 0.02) + 2))
         z = np.linspace(rect.z0, rect.z1, max(3, int(rect.depth / 0.02) + 2))
         start = np.stack(np.meshgrid(x, z), -1).reshape(-1, 2)
-        rays = np.zeros((len(start), 6), np.float32)
-        rays[:, 0], rays[:, 1], rays[:, 2], rays[:, 4] = start[:, 0], self.high[1] + 0.5, start[:, 1], -1.0
-        hit = self._scene.cast_rays(o3d.core.Tensor(rays))["t_hit"].numpy()
+        origin = np.insert(start, 1, self.high[1] + 0.5, axis=1)
+        hit = self._caster.distance(origin, np.broadcast_to([0.0, -1.0, 0.0], origin.shape))
         if not np.isfinite(hit).all() or np.ptp(hit) > level:
             return None
         return float(self.high[1] + 0.5 - hit.min())
@@ -121,7 +116,9 @@ class RoomSpace:
         """
         low, high = item.low, item.high
         if rest:
-            if not self._inside(item) or any(self._flat(o) and item.footprint.overlaps(o.footprint) for o in self.items):
+            if not self._inside(item) or any(
+                self._flat(o) and item.footprint.overlaps(o.footprint) for o in self.items
+            ):
                 return None
             self.items.append(item)
             return item
@@ -141,7 +138,12 @@ class RoomSpace:
         return item
 
     def against_wall(
-        self, thing: Thing, sides: list[Side] | None = None, corner: bool = False, at: float | None = None, tries: int = 32
+        self,
+        thing: Thing,
+        sides: list[Side] | None = None,
+        corner: bool = False,
+        at: float | None = None,
+        tries: int = 32,
     ) -> Item | None:
         """Put a thing with its back to a wall: at ``at`` on it, in a corner, or anywhere."""
         width, _, depth = thing.model.size
@@ -185,7 +187,13 @@ class RoomSpace:
         return None
 
     def on_top(
-        self, thing: Thing, support: Item, back: bool = False, tries: int = 16, spread: float = 0.3, level: float = 0.008
+        self,
+        thing: Thing,
+        support: Item,
+        back: bool = False,
+        tries: int = 16,
+        spread: float = 0.3,
+        level: float = 0.008,
     ) -> Item | None:
         """Stand a thing on another, level, its front the same way give or take ``spread`` rad; ``back``: far from its front."""
         for _ in range(tries):
@@ -229,7 +237,7 @@ class RoomSpace:
             # At the short sides, and at a round or square table, one.
             n = max(1, min(3, int(room / (width + 0.12)))) if axis == long and extent.max() - extent.min() > 0.1 else 1
             seats += [(axis, sign, (k + 0.5) / n * room - room / 2) for k in range(n) for sign in (1, -1)]
-        placed = []
+        placed: list[Item] = []
         middle = (table.low + table.high)[[0, 2]] / 2
         for axis, sign, along in seats:
             if len(placed) == most:
@@ -265,7 +273,7 @@ class RoomSpace:
         m = round(KEEP_FREE / CELL)
         free[m:-m, m:-m] = True
         for opening in self.doors:
-            free[self._cells(opening.zone(0.5).shrunk(0.0), opening.axis)] = True
+            free[self._cells(opening.zone(0.5), opening.axis)] = True
         for item in items:
             if item.low[1] < BODY_HEIGHT and item.high[1] > 0.03:
                 free[self._block(item.footprint, KEEP_FREE)] = False
@@ -283,9 +291,11 @@ class RoomSpace:
         if area is None or area.mean() < 0.12:
             return False
         # Everything on the floor must be within an arm's length of a place to stand.
-        return all(bool(area[self._block(i.footprint, 0.65)].any()) for i in items if i.low[1] < 0.3 and not self._flat(i))
+        return all(
+            bool(area[self._block(i.footprint, 0.65)].any()) for i in items if i.low[1] < 0.3 and not self._flat(i)
+        )
 
-    def _entry(self, opening: Any) -> tuple[int, int]:
+    def _entry(self, opening: Opening) -> tuple[int, int]:
         """The cell half a metre inside a door."""
         middle = (opening.start + opening.end) / 2
         inward = 1 if (self.rect.z0 if opening.axis == "x" else self.rect.x0) > opening.at else -1

@@ -168,9 +168,7 @@ class Plan:
     def on_side(self, side: Side) -> list[Opening]:
         """The openings in one wall of a room."""
         middle = side.at - side.inward * WALL / 2
-        return [
-            o for o in self.openings if o.axis == side.axis and side.room in o.rooms and abs(o.at - middle) < 1e-6
-        ]
+        return [o for o in self.openings if o.axis == side.axis and side.room in o.rooms and abs(o.at - middle) < 1e-6]
 
 
 def make_plan(rng: np.random.Generator) -> Plan:
@@ -288,7 +286,7 @@ def _add_windows(plan: Plan, rng: np.random.Generator) -> None:
             bath = name == "bathroom"
             width = 0.7 if bath else min(float(rng.uniform(1.1, 1.9)), length - 0.8)
             middle = side.at - side.inward * WALL / 2
-            doors = [o for o in plan.on_side(side)]
+            doors = plan.on_side(side)
             if width < 0.6 or doors or rng.random() < 0.15:
                 continue
             count = 2 if length > 2 * width + 2.2 and not bath else 1

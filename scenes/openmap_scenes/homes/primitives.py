@@ -34,7 +34,7 @@ def box(
     step : float
         Largest edge of the triangles, m.
     """
-    by_face = {k: materials for k in range(6)} if isinstance(materials, Material) else materials
+    by_face = dict.fromkeys(range(6), materials) if isinstance(materials, Material) else materials
     lo, hi = np.array(low), np.array(high)
     parts = []
     for k, face_material in by_face.items():
@@ -112,7 +112,9 @@ def merge(models: list[Model]) -> Model:
 def picture(rng: np.random.Generator) -> Model:
     """A framed picture, 0.35-0.9 m, hanging with its back at z = -depth / 2."""
     w, h = float(rng.uniform(0.4, 0.9)), float(rng.uniform(0.35, 0.7))
-    frame = material("frame", tuple(rng.choice([(0.12, 0.10, 0.09), (0.55, 0.38, 0.22), (0.92, 0.91, 0.88), (0.7, 0.58, 0.3)])))
+    frame = material(
+        "frame", tuple(rng.choice([(0.12, 0.10, 0.09), (0.55, 0.38, 0.22), (0.92, 0.91, 0.88), (0.7, 0.58, 0.3)]))
+    )
     canvas = material("canvas", (1.0, 1.0, 1.0), textures.painting(rng))
     return _framed(w, h, 0.03, 0.035, frame, canvas)
 
@@ -153,7 +155,9 @@ def books(rng: np.random.Generator) -> Model:
         w, d, t = float(rng.uniform(0.14, 0.2)), float(rng.uniform(0.2, 0.27)), float(rng.uniform(0.015, 0.04))
         cover = material("cover", tuple(textures.pick(rng, textures.ACCENTS)))
         pages = material("pages", (0.93, 0.90, 0.83))
-        parts.append(box((-w / 2, y, -d / 2), (w / 2, y + t, d / 2), {0: pages, 1: pages, 2: pages, 3: cover, 4: cover}))
+        parts.append(
+            box((-w / 2, y, -d / 2), (w / 2, y + t, d / 2), {0: pages, 1: pages, 2: pages, 3: cover, 4: cover})
+        )
         y += t
     return merge(parts)
 
@@ -173,7 +177,14 @@ def cushion(rng: np.random.Generator) -> Model:
         faces = grid_faces(n, n) if sign > 0 else grid_faces(n, n)[:, ::-1]
         uv = np.zeros((len(u), 2), np.float32)
         parts.append(
-            Model(vertices.astype(np.float32), normals.astype(np.float32), uv, faces, np.zeros(len(faces), np.int32), [cloth])
+            Model(
+                vertices.astype(np.float32),
+                normals.astype(np.float32),
+                uv,
+                faces,
+                np.zeros(len(faces), np.int32),
+                [cloth],
+            )
         )
     return merge(parts)
 
@@ -183,10 +194,14 @@ def ceiling_lamp(rng: np.random.Generator) -> Model:
     radius, height, n = float(rng.uniform(0.17, 0.25)), 0.09, 24
     phi = np.linspace(0, 2 * np.pi, n + 1)
     rings = [(1.0, height), (0.95, 0.03), (0.7, 0.005), (0.0, 0.0)]
-    vertices = np.concatenate([np.stack([r * radius * np.cos(phi), np.full(n + 1, y), r * radius * np.sin(phi)], 1) for r, y in rings])
+    vertices = np.concatenate(
+        [np.stack([r * radius * np.cos(phi), np.full(n + 1, y), r * radius * np.sin(phi)], 1) for r, y in rings]
+    )
     normals = vertices - np.array([0.0, height + 0.1, 0.0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     shade = material("shade", (1.0, 0.98, 0.93))
     faces = grid_faces(n, len(rings) - 1)
     uv = np.zeros((len(vertices), 2), np.float32)
-    return Model(vertices.astype(np.float32), normals.astype(np.float32), uv, faces, np.zeros(len(faces), np.int32), [shade])
+    return Model(
+        vertices.astype(np.float32), normals.astype(np.float32), uv, faces, np.zeros(len(faces), np.int32), [shade]
+    )

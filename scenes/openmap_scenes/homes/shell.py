@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import numpy.typing as npt
@@ -92,7 +93,7 @@ def _breaks(start: float, end: float, step: float, marks: list[float]) -> npt.ND
     """Grid lines from start to end about ``step`` apart, with all marks among them."""
     fixed = sorted({start, end, *(m for m in marks if start < m < end)})
     lines = [start]
-    for a, b in zip(fixed[:-1], fixed[1:], strict=True):
+    for a, b in pairwise(fixed):
         lines += np.linspace(a, b, max(1, round((b - a) / step)) + 1)[1:].tolist()
     return np.array(lines)
 
@@ -163,7 +164,9 @@ def _upright(side: Side, points: npt.NDArray[np.float64], off: float) -> npt.NDA
     return np.stack([along, height, other] if side.axis == "x" else [other, height, along], 1)
 
 
-def _bar(o: Opening, along: tuple[float, float], height: tuple[float, float], off: tuple[float, float], m: Material) -> Model:
+def _bar(
+    o: Opening, along: tuple[float, float], height: tuple[float, float], off: tuple[float, float], m: Material
+) -> Model:
     """A box in an opening's wall: along it, in height, and across it from its middle, m."""
     a, b = o.at + off[0], o.at + off[1]
     if o.axis == "x":

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from openmap_scenes.homes.obj import Surface
+from openmap_scenes.homes.rays import RayCaster
 
 
 def face_normals(surface: Surface) -> npt.NDArray[np.float64]:
@@ -24,7 +25,7 @@ def tidy(surface: Surface) -> Surface:
 def thin(surface: Surface, target: int) -> Surface:
     """Decimate to at most ``target`` triangles by vertex clustering: materials, seams and loose parts survive, no cracks open.
 
-    Vertices of one grid cell that face the same way become their mean, so that the two sides of a thin sheet stay apart; every
+    Vertices of one grid cell become their mean, those that face the other way apart so that a sheet keeps its two sides; every
     corner keeps its own texture coordinates. The finest grid that meets the target is found by bisection.
     """
     if len(surface.faces) <= target:
@@ -47,11 +48,11 @@ def _cluster(surface: Surface, cell: float) -> Surface:
     normal, area = np.zeros_like(surface.vertices), face_normals(surface)
     for k in range(3):
         np.add.at(normal, surface.faces[:, k], area)
-    axis = np.abs(normal).argmax(1)
-    side = 2 * axis + (normal[np.arange(len(axis)), axis] > 0)
-    cells = np.concatenate([cells, side[:, None]], 1)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
     key = np.ravel_multi_index(tuple(cells.T), tuple((cells.max(0) + 1).tolist()))
-    _, inverse = np.unique(key, return_inverse=True)
+    _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
+    behind = (normal * normal[first][inverse.reshape(-1)]).sum(1) < -0.3
+    _, inverse = np.unique(2 * inverse.reshape(-1) + behind, return_inverse=True)
     inverse = inverse.reshape(-1)
     count = np.bincount(inverse)
     mean = np.stack([np.bincount(inverse, surface.vertices[:, k]) / count for k in range(3)], 1)
@@ -91,10 +92,7 @@ def split(surface: Surface, longest: float) -> Surface:
 
 def turn_outward(surface: Surface, rays: int = 24) -> Surface:
     """Flip faces whose back sees more of the open than their front: library models wind their faces either way."""
-    import open3d as o3d
-
-    scene = o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(surface.vertices.astype(np.float32), surface.faces.astype(np.uint32))
+    caster = RayCaster(surface.vertices, surface.faces)
     normals = face_normals(surface)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     centres = surface.vertices[surface.faces].mean(1)
@@ -102,8 +100,7 @@ def turn_outward(surface: Surface, rays: int = 24) -> Surface:
     for direction in sphere(rays):
         side = np.sign(normals @ direction)
         origin = centres + 1e-4 * side[:, None] * normals
-        batch = np.concatenate([origin, np.broadcast_to(direction, origin.shape)], 1).astype(np.float32)
-        free = ~np.isfinite(scene.cast_rays(o3d.core.Tensor(batch))["t_hit"].numpy())
+        free = ~caster.blocked(origin, np.broadcast_to(direction, origin.shape), np.inf)
         open_front += free & (side > 0)
         open_back += free & (side < 0)
     flip = open_back > open_front

@@ -30,7 +30,9 @@ def _image(values: npt.NDArray[np.floating]) -> Image:
     return np.asarray(np.round(np.clip(values, 0.0, 1.0) * 255.0), np.uint8)
 
 
-def noise(rng: np.random.Generator, shape: tuple[int, int], sigma: float | tuple[float, float]) -> npt.NDArray[np.float64]:
+def noise(
+    rng: np.random.Generator, shape: tuple[int, int], sigma: float | tuple[float, float]
+) -> npt.NDArray[np.float64]:
     """Smooth noise (h, w) that wraps around, mean 0, standard deviation 1."""
     field = gaussian_filter(rng.standard_normal(shape), sigma, mode="wrap")
     return np.asarray((field - field.mean()) / max(float(field.std()), 1e-9))
@@ -111,7 +113,9 @@ def painting(rng: np.random.Generator, size: int = 160) -> Image:
         rgb = (1 - v[..., None]) * np.array([0.45, 0.62, 0.82]) + v[..., None] * np.array([0.93, 0.85, 0.72])
         for k in range(4):
             ridge = 0.45 + 0.12 * k + 0.05 * noise(rng, (1, size), (0, 12.0))
-            rgb = np.where((v > ridge)[..., None], pick(rng, ((0.25, 0.42, 0.30), (0.42, 0.48, 0.28), (0.3, 0.34, 0.42))), rgb)
+            rgb = np.where(
+                (v > ridge)[..., None], pick(rng, ((0.25, 0.42, 0.30), (0.42, 0.48, 0.28), (0.3, 0.34, 0.42))), rgb
+            )
     elif style == 1:
         rgb = np.full((size, size, 3), pick(rng, WALLS))
         for _ in range(9):
