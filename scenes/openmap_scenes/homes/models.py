@@ -17,7 +17,7 @@ from openmap_scenes.homes.obj import Surface, read_obj
 from openmap_scenes.homes.surface import corner_normals, split, thin, tidy, turn_outward
 from openmap_scenes.scene import Material
 
-CACHE_VERSION = 7
+CACHE_VERSION = 8
 TEXTURE_SIZE = 256
 LONGEST_EDGE = 0.5
 
@@ -73,7 +73,7 @@ def cache_folder() -> Path:
 
 def face_budget(size: npt.NDArray[np.float64]) -> int:
     """How many triangles a thing of that size (3,) m may have: a cup is seen from afar, a sofa fills the picture."""
-    return int(np.clip(5000 * float(size.max()), 2200, 4500))
+    return int(np.clip(5000 * float(size.max()), 2200, 9500))
 
 
 def prepare_model(piece: Piece) -> Model:

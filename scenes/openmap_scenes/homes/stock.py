@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,9 @@ from openmap_scenes.homes.kinds import read_kinds, read_splits
 from openmap_scenes.homes.library import Piece, read_library
 from openmap_scenes.homes.models import Model, load_model
 from openmap_scenes.homes.placement import Thing
+
+# What lies on the floor and is stood upon is pressed to this height, m, so that nothing sinks into it.
+FLAT, FLAT_HEIGHT = ("rug", "round rug", "bath mat", "doormat"), 0.008
 
 
 class Stock:
@@ -59,6 +63,9 @@ class Stock:
     def _thing(self, kind: str, piece: Piece) -> Thing:
         if piece.id not in self._things:
             model = load_model(piece)
+            if kind in FLAT and model.size[1] > FLAT_HEIGHT:
+                press = np.array([1.0, FLAT_HEIGHT / model.size[1], 1.0], np.float32)
+                model = replace(model, vertices=model.vertices * press)
             attributes = {"colour": model_colour(model)} | read_kinds()[piece.id].attributes
             self._things[piece.id] = Thing(
                 kind, model, attributes, piece.id, piece.elevation, piece.surface is not None, piece.credit
