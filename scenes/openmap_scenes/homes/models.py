@@ -17,7 +17,7 @@ from openmap_scenes.homes.obj import Surface, read_obj
 from openmap_scenes.homes.surface import corner_normals, split, thin, tidy, turn_outward
 from openmap_scenes.scene import Material
 
-CACHE_VERSION = 8
+CACHE_VERSION = 9
 TEXTURE_SIZE = 256
 LONGEST_EDGE = 0.5
 

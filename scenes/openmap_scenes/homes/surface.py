@@ -30,8 +30,9 @@ def thin(surface: Surface, target: int) -> Surface:
     """
     if len(surface.faces) <= target:
         return surface
-    coarse = float(np.ptp(surface.vertices, axis=0).max()) / 6.0
-    fine, best = 0.0, _cluster(surface, coarse)
+    fine, coarse = 0.0, float(np.ptp(surface.vertices, axis=0).max()) / 12.0
+    while len((best := _cluster(surface, coarse)).faces) > target:
+        coarse *= 1.3
     for _ in range(12):
         middle = (fine + coarse) / 2.0
         thinned = _cluster(surface, middle)
