@@ -60,11 +60,15 @@ class Plan:
     scale: float
 
     @classmethod
-    def around(cls, points: npt.NDArray[np.floating], size: tuple[int, int], margin: float = 0.4) -> Plan:
-        """The window (width, height) px that holds the points (n, 3) m in its middle."""
+    def around(
+        cls, points: npt.NDArray[np.floating], size: tuple[int, int], margin: float = 0.4, tight: bool = False
+    ) -> Plan:
+        """The window of (width, height) px, or at most that if ``tight``, that holds the points (n, 3) m in its middle."""
         flat = np.asarray(points, np.float64)[:, [0, 2]] if len(points) else np.zeros((1, 2))
         low, high = flat.min(0) - margin, flat.max(0) + margin
         scale = float(np.min(np.array(size) / np.maximum(high - low, 1.0)))
+        if tight:
+            return cls(low, high, scale)
         half, middle = np.array(size) / scale / 2, (low + high) / 2
         return cls(middle - half, middle + half, scale)
 
@@ -180,8 +184,8 @@ def _free_spot(taken: npt.NDArray[np.bool_], column: int, row: int, w: int, h: i
 
 def heat_colours(values: npt.NDArray[np.floating]) -> npt.NDArray[np.uint8]:
     """Colours (n, 3) of values (n,), the smallest dark and the largest bright."""
-    low, high = float(values.min(initial=0.0)), float(values.max(initial=1.0))
-    scaled = (255 * (values - low) / max(high - low, 1e-9)).astype(np.uint8)
+    low, high = float(values.min()), float(values.max())
+    scaled = (40 + 215 * (values - low) / max(high - low, 1e-9)).astype(np.uint8)
     bgr = cv2.applyColorMap(scaled.reshape(-1, 1), cv2.COLORMAP_INFERNO)
     return np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB).reshape(-1, 3), np.uint8)
 
@@ -195,7 +199,7 @@ def map_picture(
 ) -> Picture:
     """The map from above: floor, instances in colours, the walk, names."""
     shown = things(instance_map)
-    plan = Plan.around(_extent(instance_map), size)
+    plan = Plan.around(_extent(instance_map), size, tight=True)
     picture = plan.blank()
     if occupancy is not None:
         draw_occupancy(picture, plan, occupancy)
@@ -219,7 +223,7 @@ def heat_picture(
     shown = sorted(
         (i for i in instance_map.instances if i.id in scores and not i.is_structure), key=lambda i: scores[i.id]
     )
-    plan = Plan.around(_extent(instance_map), size)
+    plan = Plan.around(_extent(instance_map), size, tight=True)
     picture = plan.blank()
     if occupancy is not None:
         draw_occupancy(picture, plan, occupancy)

@@ -21,8 +21,9 @@ COLUMNS = {
     "sr_8": "SR₈",
     "sr_16": "SR₁₆",
     "sr_surface_1": "SR to the box",
-    "nav_success": "stopped there",
 }
+WALKED_COLUMNS = {"nav_success": "stopped there", "spl": "SPL"}
+"""Say something only where every episode is walked by itself."""
 KIND_NAMES = {"object_goal": "object goal", "demand": "demand-driven", "language_guided": "language-guided"}
 LARGEST_VIDEO = 24 * 2**20
 
@@ -42,6 +43,7 @@ def write_report(
     """
     settings = summary["settings"]
     oracle = oracle_note(settings)
+    columns = COLUMNS if settings["protocol"] == "retrieval" else COLUMNS | WALKED_COLUMNS
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("openmap_eval"), autoescape=True, undefined=jinja2.StrictUndefined
     )
@@ -50,8 +52,8 @@ def write_report(
         oracle=oracle,
         settings=settings,
         summary=summary,
-        columns=list(COLUMNS.values()),
-        rows=_rows(summary),
+        columns=list(columns.values()),
+        rows=_rows(summary, columns),
         ks=[f"@{k}" for k in KS],
         episodes=[_episode(record) for record in records],
         maps=_pictures(maps),
@@ -86,12 +88,12 @@ def target_names(record: EpisodeRecord) -> str:
     return ", ".join(name if n == 1 else f"{name} × {n}" for name, n in counted.items())
 
 
-def _rows(summary: Mapping[str, Any]) -> list[dict[str, Any]]:
+def _rows(summary: Mapping[str, Any], columns: Mapping[str, str]) -> list[dict[str, Any]]:
     groups = {KIND_NAMES.get(kind, kind): values for kind, values in summary["by_kind"].items()}
     groups["all"] = {"episodes": summary["episodes"], **summary["all"]}
     empty = {"mean": float("nan"), "low": float("nan"), "high": float("nan")}
     return [
-        {"kind": kind, "episodes": values["episodes"], "cells": [values.get(name, empty) for name in COLUMNS]}
+        {"kind": kind, "episodes": values["episodes"], "cells": [values.get(name, empty) for name in columns]}
         for kind, values in groups.items()
     ]
 

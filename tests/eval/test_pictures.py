@@ -34,7 +34,9 @@ def test_x_runs_right_and_z_runs_down():
 def test_the_best_fit_is_the_brightest():
     instance_map = InstanceMap([block(1, -2.0, 0.0), block(2, 2.0, 0.0)])
     picture = heat_picture(instance_map, {1: 0.1, 2: 0.9}, {}, top=0)
-    plan = Plan.around(np.stack([i.aabb_min for i in instance_map] + [i.aabb_max for i in instance_map]), (1000, 720))
+    plan = Plan.around(
+        np.stack([i.aabb_min for i in instance_map] + [i.aabb_max for i in instance_map]), (1000, 720), tight=True
+    )
     dark, bright = (picture[row, column].astype(int).sum() for column, row in plan.pixels(instance_map.centres))
     assert bright > dark + 200
 
