@@ -116,16 +116,62 @@ def describe(patches: npt.NDArray[np.int32], surface: Surface) -> Regions:
 
 
 @numba.njit(cache=True)
+def _spread(c: np.ndarray) -> np.ndarray:
+    """Roots of the eigenvalues (3,), ascending, of a covariance given as xx, yy, zz, xy, xz, yz (Smith, CACM 4(4), 1961)."""
+    mean = (c[0] + c[1] + c[2]) / 3.0
+    off = c[3] ** 2 + c[4] ** 2 + c[5] ** 2
+    p = np.sqrt(((c[0] - mean) ** 2 + (c[1] - mean) ** 2 + (c[2] - mean) ** 2 + 2.0 * off) / 6.0)
+    out = np.empty(3)
+    if p < 1e-15:
+        out[:] = np.sqrt(max(mean, 0.0))
+        return out
+    x, y, z = (c[0] - mean) / p, (c[1] - mean) / p, (c[2] - mean) / p
+    f, g, h = c[3] / p, c[4] / p, c[5] / p
+    determinant = x * (y * z - h * h) - f * (f * z - h * g) + g * (f * h - y * g)
+    angle = np.arccos(min(max(determinant / 2.0, -1.0), 1.0)) / 3.0
+    high = mean + 2.0 * p * np.cos(angle)
+    low = mean + 2.0 * p * np.cos(angle + 2.0 * np.pi / 3.0)
+    out[0], out[1], out[2] = low, 3.0 * mean - high - low, high
+    for k in range(3):
+        out[k] = np.sqrt(max(out[k], 0.0))
+    return out
+
+
+@numba.njit(cache=True)
+def _covariance(s: np.ndarray) -> np.ndarray:
+    """xx, yy, zz, xy, xz, yz of summed points."""
+    x, y, z = s[1] / s[0], s[2] / s[0], s[3] / s[0]
+    c: np.ndarray = s[4:10] / s[0]
+    c[0] -= x * x
+    c[1] -= y * y
+    c[2] -= z * z
+    c[3] -= x * y
+    c[4] -= x * z
+    c[5] -= y * z
+    return c
+
+
+@numba.njit(cache=True)
 def _plane(s: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Mean (3,), standard deviations along the principal axes (3,) ascending, normal (3,) of summed points."""
-    m = s[1:4] / s[0]
-    c = np.empty((3, 3))
-    c[0, 0], c[1, 1], c[2, 2] = s[4] / s[0] - m[0] ** 2, s[5] / s[0] - m[1] ** 2, s[6] / s[0] - m[2] ** 2
-    c[0, 1] = c[1, 0] = s[7] / s[0] - m[0] * m[1]
-    c[0, 2] = c[2, 0] = s[8] / s[0] - m[0] * m[2]
-    c[1, 2] = c[2, 1] = s[9] / s[0] - m[1] * m[2]
-    values, vectors = np.linalg.eigh(c)
-    return m, np.sqrt(np.maximum(values, 0.0)), vectors[:, 0].copy()
+    """Mean (3,), standard deviations along the principal axes (3,) ascending, normal (3,) of the plane through summed points.
+
+    The normal is the longest cross product of two rows of C - low I; that of the pixels' mean where the points do not span a plane.
+    """
+    c = _covariance(s)
+    spread = _spread(c)
+    low = spread[0] ** 2
+    rows = np.array([[c[0] - low, c[3], c[4]], [c[3], c[1] - low, c[5]], [c[4], c[5], c[2] - low]])
+    axis, longest = s[10:13].copy(), 0.0
+    for i in range(3):
+        a, b = rows[i], rows[(i + 1) % 3]
+        x, y, z = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+        length = x * x + y * y + z * z
+        if length > longest:
+            longest = length
+            axis[0], axis[1], axis[2] = x, y, z
+    if longest <= 1e-24 * c[:3].sum() ** 4:
+        axis = s[10:13].copy()
+    return s[1:4] / s[0], spread, axis / (np.sqrt((axis * axis).sum()) + 1e-30)
 
 
 @numba.njit(cache=True)
@@ -163,7 +209,7 @@ def _pair_row(
     """Features of a pair; a is the smaller region, e the boundary as seen from a."""
     ma, spread_a, axis_a = _plane(sa)
     mb, spread_b, axis_b = _plane(sb)
-    _, spread, _ = _plane(sa + sb)
+    spread = _spread(_covariance(sa + sb))
     na, nb, k = sa[0], sb[0], e[0]
     normal_a = sa[10:13] / (np.sqrt((sa[10:13] ** 2).sum()) + 1e-9)
     normal_b = sb[10:13] / (np.sqrt((sb[10:13] ** 2).sum()) + 1e-9)

@@ -15,7 +15,8 @@ import numpy.typing as npt
 from openmap_scenes import PinholeCamera
 
 WORKING_WIDTH = 320
-_JUMP = 0.03  # relative step in depth that ends a surface, as seen over one pixel
+_JUMP = 0.03  # relative step in depth from one pixel to the next that may end a surface
+_BEND = 0.01  # it does not where the surface goes on as flat as it came: inverse depth is linear on a plane
 
 
 @dataclass(frozen=True)
@@ -45,19 +46,29 @@ class Surface:
 
 
 @numba.njit(cache=True)
-def _side(points: np.ndarray, depth: np.ndarray, v: int, u: int, dv: int, du: int, reach: int) -> int:
+def _reading(depth: np.ndarray, v: int, u: int) -> float:
+    """Inverse depth, or -1 outside the picture and where nothing was seen."""
+    if v < 0 or u < 0 or v >= depth.shape[0] or u >= depth.shape[1] or depth[v, u] <= 0.0:
+        return -1.0
+    return float(1.0 / depth[v, u])
+
+
+@numba.njit(cache=True)
+def _side(depth: np.ndarray, v: int, u: int, dv: int, du: int, reach: int) -> int:
     """Steps (0..reach) one may go from (v, u) along (dv, du) without leaving the picture or the surface."""
-    h, w = depth.shape
-    steps = 0
+    last, here = _reading(depth, v - dv, u - du), _reading(depth, v, u)
     for i in range(1, reach + 1):
-        y, x = v + i * dv, u + i * du
-        if y < 0 or x < 0 or y >= h or x >= w or depth[y, x] <= 0.0:
-            break
-        before = depth[v + (i - 1) * dv, u + (i - 1) * du]
-        if abs(depth[y, x] - before) > _JUMP * before:
-            break
-        steps = i
-    return steps
+        there = _reading(depth, v + i * dv, u + i * du)
+        if there <= 0.0:
+            return i - 1
+        if abs(here - there) > _JUMP * there:
+            beyond = _reading(depth, v + (i + 1) * dv, u + (i + 1) * du)
+            as_before = last > 0.0 and abs(there - 2.0 * here + last) <= _BEND * here
+            as_after = beyond > 0.0 and abs(here - 2.0 * there + beyond) <= _BEND * here
+            if not (as_before or as_after):
+                return i - 1
+        last, here = here, there
+    return reach
 
 
 @numba.njit(cache=True)
@@ -69,8 +80,8 @@ def _normals(points: np.ndarray, depth: np.ndarray, reach: int) -> np.ndarray:
         for u in range(w):
             if depth[v, u] <= 0.0:
                 continue
-            left, right = _side(points, depth, v, u, 0, -1, reach), _side(points, depth, v, u, 0, 1, reach)
-            up, down = _side(points, depth, v, u, -1, 0, reach), _side(points, depth, v, u, 1, 0, reach)
+            left, right = _side(depth, v, u, 0, -1, reach), _side(depth, v, u, 0, 1, reach)
+            up, down = _side(depth, v, u, -1, 0, reach), _side(depth, v, u, 1, 0, reach)
             # Equal arms where both sides allow it: a lopsided difference leans at creases.
             if left > 0 and right > 0:
                 left = right = min(left, right)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import zipfile
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ FOLDER = Path(__file__).parent / "weights"
 _REMEDY = "Reinstall the package, or train anew: python -m openmap_agents.perception.train."
 
 
-def save_weights(path: Path, arrays: dict[str, npt.NDArray[np.floating]]) -> None:
+def save_weights(path: Path, arrays: Mapping[str, npt.NDArray[np.floating]]) -> None:
     """Write arrays as half floats, whole or not at all."""
     path.parent.mkdir(parents=True, exist_ok=True)
     unfinished = path.with_suffix(".part.npz")

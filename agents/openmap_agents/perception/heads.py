@@ -1,0 +1,41 @@
+"""The trained region heads: two-layer networks from a region's description to a place among words."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from openmap_agents.perception.conse import unit
+from openmap_agents.perception.weights import FOLDER, load_weights
+
+PARTS = ("mean", "std", "w1", "b1", "w2", "b2")
+
+
+class RegionHead:
+    """unit(w2 relu(w1 (x - mean) / std + b1) + b2)."""
+
+    def __init__(self, arrays: dict[str, npt.NDArray[np.float32]]) -> None:
+        self._mean, self._std, self._w1, self._b1, self._w2, self._b2 = (arrays[part] for part in PARTS)
+
+    def __call__(self, x: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        """Unit vectors (n, D) float32 of descriptions (n, inputs)."""
+        hidden = np.maximum(((x - self._mean) / self._std) @ self._w1.T + self._b1, 0.0)
+        return unit(hidden @ self._w2.T + self._b2)
+
+
+def load_heads(inputs: dict[str, int], dim: int, path: str | Path = FOLDER / "regions.npz") -> dict[str, RegionHead]:
+    """The heads by name, each with that many inputs, into ``dim`` dimensions.
+
+    Raises
+    ------
+    DataError
+        The weights cannot be used.
+    """
+    shapes: dict[str, tuple[int | None, ...]] = {}
+    for name, n in inputs.items():
+        ends = ((n,), (n,), (None, n), (None,), (dim, None), (dim,))
+        shapes |= {f"{name}.{part}": shape for part, shape in zip(PARTS, ends, strict=True)}
+    arrays = load_weights(Path(path), shapes)
+    return {name: RegionHead({part: arrays[f"{name}.{part}"] for part in PARTS}) for name in inputs}
