@@ -33,11 +33,13 @@ class ExplorerSettings:
     """A frontier cell counts for places up to this far away, m."""
     surface_reach: float = 2.5
     """Surfaces seen only from farther away than this deserve a nearer look, m; 0 = none do."""
-    surface_weight: float = 0.3
+    surface_weight: float = 0.45
     """What a surface cell is worth; a frontier cell is worth 1."""
-    least_gain: float = 6.0
-    """A look must be worth this much: with cells of 5 cm, a frontier of 0.3 m."""
-    overhead: float = 6.0
+    least_frontier: float = 6.0
+    """A look must show this many frontier cells (0.3 m with cells of 5 cm: less than the walkable part of a door) ..."""
+    least_gain: float = 16.0
+    """... or be worth this much, surfaces and all."""
+    overhead: float = 10.0
     """Steps added to the cost of every look, so that near crumbs do not come before a room."""
     patience: int = 4
     """Looks from near, after which a target that is still there is given up."""
@@ -160,7 +162,7 @@ class Explorer:
         """One decision: go on with the goal, or look, or take a new goal."""
         if self._queue:
             return self.walker.did(self._queue.pop(0))
-        for _ in range(3):
+        while True:
             ways = self._plan()
             if self.goal is None:
                 return None
@@ -169,10 +171,10 @@ class Explorer:
                 return action
             if action := self.walker.turn_towards(self.goal.heading) or self._look_down(ways):
                 return action
-            # It stands there, looks there, and the targets did not go away: they count as looked at.
-            self._give_up(ways)
+            if self._age == 0:
+                # It stands there and looks there, and what was just planned still wants that look: it will not help.
+                self._give_up(ways)
             self._ways = None
-        return None
 
     def _plan(self) -> Ways:
         """The ways and the goal, chosen anew when they are old or do not fit the map any more."""
@@ -189,16 +191,21 @@ class Explorer:
         return ways
 
     def _best_goal(self, ways: Ways, targets: Targets) -> Goal | None:
-        """The place and heading whose look is worth most a step; None where none is worth ``least_gain``."""
+        """The place and heading whose look is worth most a step; None where none is worth it."""
         s, o, w = self.settings, self.occupancy, self.walker
         if not len(targets.cells):
             return None
         places = self._candidates(ways)
-        half = (
-            targets.cells.sum(axis=1) % 2 == 0
-        )  # A chequer of the targets is enough to choose by, at twice the weight.
+        # A chequer of the targets is enough to choose by, at twice the weight.
+        half = targets.cells.sum(axis=1) % 2 == 0
         cells, weights, reach = targets.cells[half], 2 * targets.weights[half], targets.reach[half]
-        gain, heading = best_headings(gains_by_bearing(places, cells, weights, reach, self._opaque(ways), o.resolution))
+        frontier, opaque = targets.frontier[half], self._opaque(ways)
+        gains = [
+            gains_by_bearing(places, cells[part], weights[part], reach[part], opaque, o.resolution)
+            for part in (frontier, ~frontier)
+        ]
+        gain, heading = best_headings(gains[0] + gains[1])
+        worth = (gain >= s.least_gain) | (best_headings(gains[0])[0] >= s.least_frontier)
         turn, forward = math.radians(s.walker.turn_deg), s.walker.forward
         way = np.arctan2(w.cell[1] - places[:, 1], w.cell[0] - places[:, 0])
         away = ways.distance[places[:, 0], places[:, 1]]
@@ -209,7 +216,7 @@ class Explorer:
         if self.goal is not None:
             near_goal = np.hypot(*(places - np.array(o.cell(self.goal.x, self.goal.z))).T) * o.resolution < 0.5
             steps = np.where(near_goal, steps * 0.8, steps)
-        rate = np.where(gain >= s.least_gain, gain / steps, 0.0)
+        rate = np.where(worth, gain / steps, 0.0)
         best = int(np.argmax(rate))
         if rate[best] <= 0.0:
             return None
