@@ -84,8 +84,10 @@ class Description:
         The thing named, if one is.
     needs : tuple of str
         What the speaker wants to do or suffers from, one sentence each.
+    needs_room : str or None
+        Where they are to be met.
     serves : tuple of (str, float)
-        Kinds of things that answer the needs, best first, each with what is taken off its similarity.
+        Kinds of things that answer the needs, most probable first, each with its probability.
     route : tuple of RouteClause
         Soft context for where the target is.
     """
@@ -93,6 +95,7 @@ class Description:
     kind: Kind
     target: Thing | None = None
     needs: tuple[str, ...] = ()
+    needs_room: str | None = None
     serves: tuple[tuple[str, float], ...] = ()
     route: tuple[RouteClause, ...] = ()
 

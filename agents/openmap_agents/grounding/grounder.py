@@ -23,8 +23,9 @@ from openmap_agents.grounding.description import Description, Thing
 from openmap_agents.grounding.interpreter import Interpreter
 from openmap_agents.grounding.lexicon import load_lexicon
 from openmap_agents.grounding.llm import Budget, LanguageModel, LanguageModelError, make_llm
+from openmap_agents.grounding.needs import Needs
 from openmap_agents.grounding.scoring import MapView, Scores, score
-from openmap_agents.grounding.text_space import Needs, TextEncoder, TextSpace
+from openmap_agents.grounding.text_space import TextEncoder, TextSpace
 from openmap_agents.mapping.instance_map import InstanceMap
 
 SURE_NEED = 0.65
@@ -251,7 +252,9 @@ def _order(values: np.ndarray[Any, np.dtype[np.float64]], view: MapView) -> list
 
 
 def _confidence(scores: Scores, order: list[int]) -> float:
-    """How well the best one fits, squashed: 0.5 where similarity less what conditions cost is 0.45."""
+    """How well the best one fits, squashed: 0.5 where similarity less what conditions cost is 0.45; for needs its chance."""
     if not order:
         return 0.0
+    if scores.chance is not None:
+        return scores.chance
     return float(1 / (1 + np.exp(-(scores.total[order[0]] - 0.45) / 0.1)))

@@ -12,15 +12,19 @@ import re
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from openmap_agents.grounding.description import Description, RouteClause, Thing
+from openmap_agents.grounding.description import Description, Kind, RouteClause, Thing
 from openmap_agents.grounding.lexicon import Lexicon, leading, load_lexicon, normalised, words_of
 from openmap_agents.grounding.noun_phrases import SPELLING_COST, NounPhrases
 
 Motion = Literal["goal", "approach", "stop", "pass", "leave", "turn", "need", "bare"]
 
 _NEED_STATE = re.compile(
-    r"^(?:my|the|our) (?:(?!that |which |who ).)*\b(?:is|are|has|have|feels?|hurts?|smells?|needs?|won't|doesn't|can't|got|ran)\b"
+    r"^(?:my|the|our|his|her|their|these|those|this|all|no) (?:(?!that |which |who |where ).)*"
+    r"\b(?:is|isn't|are|aren't|was|were|has|have|had|will|won't|would|should|must|can't|cannot|could|do|does|don't|doesn't"
+    r"|didn't|feels?|hurts?|smells?|stinks?|tastes?|looks?|needs?|wants?|keeps?|gets?|got|ran|went|came|broke|fell|stopped)\b"
 )
+_SAYS = re.compile(r"^(?:i|we|he|she|they|it|there|somebody|someone|nobody|everybody|everyone)(?:'[a-z]+)?\b.")
+"""A sentence with a subject, which no noun phrase is."""
 
 
 @dataclass(frozen=True)
@@ -62,6 +66,9 @@ class Interpreter:
             "for",
         }
         self._pronouns = frozenset(words["pronouns"])
+        rooms = "|".join(sorted(map(re.escape, self.lexicon.room_names), key=lambda name: (-len(name), name)))
+        self._in_room = re.compile(rf"\s*\b(?:in|inside|within) (?:the |my |our )?({rooms})\b")
+        self._frame = frozenset(words["function_words"]) | frozenset(words["frame_words"])
 
     def parse(self, instruction: str) -> Description:
         """What the instruction asks for; never raises, an instruction without a thing gives a description without a target."""
@@ -144,7 +151,7 @@ class Interpreter:
         length, motion = best
         if motion == "need" and length == 1 and words[0] == "my" and not _NEED_STATE.match(" ".join(words)):
             motion, length = "bare", 0
-        if motion == "bare" and _NEED_STATE.match(" ".join(words)):
+        if motion == "bare" and (_NEED_STATE.match(" ".join(words)) or _SAYS.match(" ".join(words))):
             motion = "need"
         rest = words if motion == "need" else words[length:]
         return _Clause(motion, " ".join(rest), " ".join(words))
@@ -174,6 +181,9 @@ class Interpreter:
                 continue
             if clause.motion == "turn" and not clause.rest:
                 continue
+            if self._asks_for_use(clause.rest):
+                needs.append(clause.rest)
+                continue
             thing = self._named(clause.rest)
             room = self.lexicon.room_of(self._stripped(clause.rest))
             if room is not None:
@@ -193,9 +203,8 @@ class Interpreter:
             named = [leg.thing for leg in route if leg.thing is not None]
             target = named[-1] if named else (Thing(phrase="", room=last_room) if last_room else None)
         legs = tuple(leg for leg in route if leg.thing is None or target is None or leg.thing.phrase != target.phrase)
-        return Description(
-            kind="language_guided", target=target, needs=tuple(needs) if target is None else (), route=legs
-        )
+        needs, where = self._needs(needs if target is None else [])
+        return Description(kind="language_guided", target=target, needs=needs, needs_room=where, route=legs)
 
     def _named(self, rest: str) -> Thing | None:
         """The thing that a clause's remainder names; None for a pronoun or nothing."""
@@ -236,24 +245,42 @@ class Interpreter:
 
     def _wish(self, clauses: list[_Clause]) -> Description:
         target: Thing | None = None
-        needs: list[str] = []
+        said: list[str] = []
         for clause in clauses:
-            thing = None if clause.motion == "need" or self._asks_for_use(clause.rest) else self._wanted(clause)
+            if len(clauses) > 1 and self._frame.issuperset(words_of(clause.text)):
+                continue
+            rest = self._stripped(clause.rest)
+            asked = clause.motion == "need" or self._asks_for_use(clause.rest) or _SAYS.match(rest)
+            thing = None if asked else self._wanted(clause)
             if thing is None:
-                if clause.text:
-                    needs.append(clause.text)
+                said.append(clause.text)
             elif target is None:
                 target = thing
-        if target is not None:
-            return Description(kind="demand" if needs else "object_goal", target=target, needs=tuple(needs))
-        return Description(kind="demand", needs=tuple(needs))
+        needs, where = self._needs(said)
+        kind: Kind = "demand" if needs or target is None else "object_goal"
+        return Description(kind=kind, target=target, needs=needs, needs_room=where)
+
+    def _needs(self, said: list[str]) -> tuple[tuple[str, ...], str | None]:
+        """Sentences that state needs, without the room that they are to be met in and without those that say nothing else."""
+        room: str | None = None
+        told: list[str] = []
+        for sentence in said:
+            if found := self._in_room.search(sentence):
+                room = self.lexicon.room_names[found[1]]
+                sentence = (sentence[: found.start()] + sentence[found.end() :]).strip()
+            told.append(sentence)
+        telling = [text for text in told if not self._frame.issuperset(words_of(text))]
+        return tuple(telling or [text for text in said if text]), room
 
     def _asks_for_use(self, rest: str) -> bool:
-        """ "something to drink", "somewhere I can sit": described by its use alone."""
-        words = [w for w in rest.split() if w not in ("me", "us", "a", "an", "the", "some", "good", "nice")]
-        return (
-            bool(words) and words[0] in self._places and len(words) > 1 and words[1] not in self.nouns.relation_phrases
-        )
+        """ "something to drink", "a quiet corner where I can sit": described by its use alone."""
+        words = [w for w in rest.split() if w != "me" and w not in self.nouns.articles]
+        for at, word in enumerate(words[:3]):
+            if word in self._places:
+                return at + 1 < len(words) and words[at + 1] not in self.nouns.relation_phrases
+            if self.lexicon.name_of(word) is not None:
+                break
+        return False
 
     def _wanted(self, clause: _Clause) -> Thing | None:
         text = self._stripped(clause.rest)

@@ -60,7 +60,7 @@ class Lexicon:
     room_names : dict
         Any known name of a room -> the room.
     affordances : dict
-        Kind of thing -> phrasings of the needs it answers.
+        Household name -> what such a thing is for, in short phrases.
     words : dict
         ``lexicon.json``: verbs, relations, colours and so on.
     """
@@ -126,8 +126,9 @@ def load_lexicon() -> Lexicon:
     canonical.update({name: name for name in names})
     affordances: dict[str, tuple[str, ...]] = {}
     for line in _lines("affordances.txt"):
-        kind, _, uses = line.partition("|")
-        affordances[kind.strip()] = tuple(use.strip() for use in uses.split(";") if use.strip())
+        kinds, _, uses = line.partition("|")
+        for kind in kinds.split(","):
+            affordances[kind.strip()] = tuple(use.strip() for use in uses.split(";") if use.strip())
     rooms = json.loads(_text("rooms.json"))
     return Lexicon(
         names=names,

@@ -4,7 +4,8 @@ it.
 score_i = fit_i + T * sum_c w_c * log(max(s_ci, floor)),   fit_i = max over queries q of cos(f_i, q) - cost_q
 
 so that a relation that does not hold costs what about 0.3 of cosine is worth: it decides between chairs, and does not
-make a chair of a lamp. Superlatives and "second from" come last, over the instances that still compete.
+make a chair of a lamp. Superlatives and "second from" come last, over the instances that still compete. A need without a
+thing named is scored by ``needs.cover`` instead.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from openmap_agents.grounding import spatial
 from openmap_agents.grounding.colours import colour_fits, colour_word
 from openmap_agents.grounding.description import Description, Relation, Thing
 from openmap_agents.grounding.lexicon import STRUCTURE, Lexicon
+from openmap_agents.grounding.needs import cover
 from openmap_agents.grounding.text_space import TextSpace, unit
 from openmap_agents.mapping.instance_map import InstanceMap
 
@@ -30,6 +32,12 @@ LABEL_TEMPERATURE = 0.04
 COMPETE = 0.12
 STRUCTURE_COST = 0.5
 ROOM_REACH = 1.6
+RELIABLE = 0.9
+"""How often something that looks like its kind is one, and stands where the map says."""
+STRUCTURE_SERVES = 0.1
+"""How often something shaped like a wall or floor is the thing that it looks like."""
+ELSEWHERE_SERVES = 0.1
+"""How far something helps that is not in the room where it was asked for."""
 
 
 class MapView:
@@ -50,7 +58,9 @@ class MapView:
         self.colour_fits = [colour_fits(instance.colour) for instance in instance_map.instances]
         self.boxes = spatial.boxes_of(instance_map)
         names = list(lexicon.names)
-        text = space.vectors(names)
+        surfaces = [surface for name, others in lexicon.names.items() for surface in (name, *others)]
+        starts = np.cumsum([0, *(1 + len(others) for others in lexicon.names.values())])[:-1]
+        text = space.listed(surfaces)
         features = [
             i.feature if i.feature is not None else np.zeros(text.shape[1], np.float32) for i in instance_map.instances
         ]
@@ -61,32 +71,34 @@ class MapView:
                     "ground with the encoder that the map was made with"
                 )
         self.features = unit(np.stack(features)) if features else np.zeros((0, text.shape[1]), np.float32)
-        likeness = (self.features @ text.T).astype(np.float64)
+        # A thing is as much a sofa as it is the likest of sofa, couch and settee.
+        likeness = np.maximum.reduceat((self.features @ text.T).astype(np.float64), starts, axis=1)
+        self.best = likeness.max(1, initial=0.0)
         self.labels = [names[k] for k in likeness.argmax(1)]
         shaped = np.array([instance.is_structure for instance in instance_map.instances], bool)
         self.structure = shaped | np.array([label in STRUCTURE for label in self.labels], bool)
         weights = np.exp((likeness - likeness.max(1, keepdims=True)) / LABEL_TEMPERATURE) if len(self) else likeness
-        self._is_called = weights / weights.sum(1, keepdims=True) if len(self) else weights
+        self.is_called = weights / weights.sum(1, keepdims=True) if len(self) else weights
+        self.column = {name: k for k, name in enumerate(names)}
         self._tree = cKDTree(self.boxes.centre) if len(self) else None
-        self.rooms = self._rooms(names)
+        self.rooms = self._rooms()
 
     def __len__(self) -> int:
         return len(self.ids)
 
-    def _rooms(self, names: list[str]) -> dict[str, Array]:
+    def _rooms(self) -> dict[str, Array]:
         """Room -> belief (N,) that an instance is in it, from the telling things around it (within about ``ROOM_REACH`` m)."""
         if not len(self):
             return {room: np.zeros(0) for room in self.lexicon.rooms}
-        column = {name: k for k, name in enumerate(names)}
         distance = np.linalg.norm(self.boxes.centre[:, None] - self.boxes.centre[None], axis=2)
         # A floor or a wall has its centre nowhere in particular: it neither tells nor is told.
         nearby = np.exp(-distance / ROOM_REACH) * ~self.structure[None]
         tells: dict[str, Array] = {}
         for room, things in self.lexicon.rooms.items():
-            weights = np.zeros(len(names))
+            weights = np.zeros(len(self.column))
             for name, weight in things.items():
-                weights[column[name]] = weight
-            tells[room] = nearby @ (self._is_called @ weights)
+                weights[self.column[name]] = weight
+            tells[room] = nearby @ (self.is_called @ weights)
         total = np.sum(list(tells.values()), axis=0) + 0.05
         return {room: told / total for room, told in tells.items()}
 
@@ -118,11 +130,14 @@ class Scores:
     total : (N,)
     parts : dict
         Condition -> (N,) 0..1, for the trace.
+    chance : float, optional
+        Probability that the first is right, for a ranking that comes with one.
     """
 
     fit: Array
     total: Array
     parts: dict[str, Array] = field(default_factory=dict)
+    chance: float | None = None
 
     def apply(self, name: str, score: Array, weight: float = 1.0) -> None:
         """Take off what a condition that holds to ``score`` costs."""
@@ -137,15 +152,34 @@ class Scores:
 def score(description: Description, view: MapView) -> Scores:
     """Scores of all instances for a description; larger fits better."""
     target = description.target
-    if target is None:
-        scores = _from_fit(view, view.similarity(description.serves) if description.serves else np.zeros(len(view)), ())
-    else:
-        scores = _score_thing(target, view)
-        if description.serves:
-            marks = Relation("near", (Thing(phrase="need", queries=description.serves[:4]),))
-            scores.apply("near what the need calls for", _relation(marks, None, view), 0.4)
+    if target is None and description.serves:
+        return _score_need(description, view)
+    scores = _from_fit(view, np.zeros(len(view)), ()) if target is None else _score_thing(target, view)
+    if target is not None and description.serves:
+        marks = Relation("near", (Thing(phrase="need", queries=_as_queries(description.serves[:4])),))
+        scores.apply("near what the need calls for", _relation(marks, None, view), 0.4)
     _apply_route(description, view, scores)
     return scores
+
+
+def _score_need(description: Description, view: MapView) -> Scores:
+    """What each instance adds to the chance that one of those ranked so far answers the need."""
+    serves = description.serves
+    fit = view.similarity(_as_queries(serves))
+    hits = RELIABLE * view.is_called[:, [view.column[kind] for kind, _ in serves]]
+    hits[view.structure] *= STRUCTURE_SERVES
+    if description.needs_room in view.rooms:
+        hits *= np.maximum(view.rooms[description.needs_room], ELSEWHERE_SERVES)[:, None]
+    probabilities = np.array([probability for _, probability in serves])
+    first = hits @ probabilities
+    return Scores(
+        fit=fit, total=cover(probabilities, hits), parts={"serves": first}, chance=float(first.max(initial=0))
+    )
+
+
+def _as_queries(serves: tuple[tuple[str, float], ...]) -> tuple[tuple[str, float], ...]:
+    """Kinds with what a lower probability costs in similarity."""
+    return tuple((kind, TEMPERATURE * float(np.log(serves[0][1] / max(p, 1e-12)))) for kind, p in serves)
 
 
 def _from_fit(view: MapView, fit: Array, queries: tuple[tuple[str, float], ...]) -> Scores:

@@ -1,15 +1,14 @@
-"""Texts and instances in one space: cached text features, similarities, labels for instances, and needs matched with
-uses."""
+"""Texts in the space of the instances' features: unit vectors with a memory, of which the fixed lists outlive the
+process."""
 
 from __future__ import annotations
 
-import re
 from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from openmap_agents.grounding.lexicon import Lexicon, load_lexicon, singular, words_of
+from openmap_agents.grounding import vector_cache
 
 FloatArray = npt.NDArray[np.float32]
 
@@ -24,6 +23,9 @@ class TextEncoder(Protocol):
 
 class TextSpace:
     """A text encoder with a memory; every vector is a unit vector."""
+
+    PROBE = "a red cup on the table beside the window"
+    """Encoders are told apart by the vector that they give this text."""
 
     def __init__(self, encoder: TextEncoder) -> None:
         self._encoder = encoder
@@ -41,57 +43,19 @@ class TextSpace:
             self._known.update(zip(missing, unit(found), strict=True))
         return np.stack([self._known[text] for text in texts]) if texts else np.zeros((0, 0), np.float32)
 
+    def listed(self, texts: list[str]) -> FloatArray:
+        """As ``vectors``, for a long list that never changes: read from the user's cache folder if it is there."""
+        if any(text not in self._known for text in texts):
+            key = vector_cache.key(texts, self.vectors([self.PROBE]))
+            found = vector_cache.load(key, len(texts))
+            if found is None:
+                found = self.vectors(texts)
+                vector_cache.store(key, found)
+            self._known.update(zip(texts, found, strict=True))
+        return self.vectors(texts)
+
 
 def unit(vectors: FloatArray) -> FloatArray:
     """Rows scaled to length 1; what is not finite becomes 0."""
     clean = np.nan_to_num(vectors, nan=0.0, posinf=0.0, neginf=0.0)
     return np.asarray(clean / np.maximum(np.linalg.norm(clean, axis=1, keepdims=True), 1e-9), np.float32)
-
-
-def content_words(text: str) -> frozenset[str]:
-    """The words that carry meaning, roughly stemmed."""
-    stems = (
-        re.sub(r"(?:ing|ed)$", "", singular(w))
-        for w in words_of(text.lower())
-        if w not in load_lexicon().words["function_words"]
-    )
-    return frozenset(stem for stem in stems if len(stem) > 1)
-
-
-class Needs:
-    """Needs -> kinds of things that answer them, through a table of what things are for.
-
-    The score of a kind is the best, over its phrasings, of cosine + ``LEXICAL`` x the share of the need's content words that the
-    phrasing holds: sentence embeddings miss exact words in short texts, word overlap misses paraphrases.
-    """
-
-    LEXICAL = 0.25
-    KEPT = 16
-    STEEPNESS = 1.5
-    """What a kind's lower score costs, in similarity."""
-
-    def __init__(self, lexicon: Lexicon, space: TextSpace) -> None:
-        self._lexicon, self._space = lexicon, space
-        self._kinds = [kind for kind, uses in lexicon.affordances.items() for _ in uses]
-        self._uses = [use for uses in lexicon.affordances.values() for use in uses]
-        self._use_words = [content_words(use) for use in self._uses]
-
-    def serving(self, needs: tuple[str, ...]) -> tuple[tuple[str, float], ...]:
-        """Kinds that answer any of the needs, best first, each with what it costs in similarity (0 for the best)."""
-        ranked = self._ranked(needs)
-        return tuple((kind, self.STEEPNESS * (ranked[0][1] - score)) for kind, score in ranked)
-
-    def strength(self, text: str) -> float:
-        """How surely a text states a need that the table knows: the best kind's score."""
-        return self._ranked((text,))[0][1]
-
-    def _ranked(self, needs: tuple[str, ...]) -> list[tuple[str, float]]:
-        best: dict[str, float] = {}
-        for need in needs:
-            row = self._space.vectors(self._uses) @ self._space.vectors([need])[0]
-            words = content_words(need)
-            for kind, use_words, cos in zip(self._kinds, self._use_words, row.tolist(), strict=True):
-                shared = len(words & use_words) / max(len(words), 1)
-                named = 0.1 if content_words(kind) <= words else 0.0
-                best[kind] = max(best.get(kind, -1.0), cos + self.LEXICAL * shared + named)
-        return sorted(best.items(), key=lambda item: (-item[1], item[0]))[: self.KEPT]

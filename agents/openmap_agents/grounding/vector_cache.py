@@ -1,0 +1,54 @@
+"""Vectors of fixed lists of texts, kept between runs in the user's cache folder.
+
+A file is named after what it holds: the texts and the encoder, which is known by the vector it gives a probe text. A file that
+cannot be read, or does not hold what its name says, counts as absent and is written anew; a folder that cannot be written
+costs time and nothing else.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import tempfile
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float32]
+
+
+def folder() -> Path:
+    """Where the vectors are kept: ``$XDG_CACHE_HOME/openmapnav/text``, by default under ``~/.cache``."""
+    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(base) / "openmapnav" / "text"
+
+
+def key(texts: list[str], probe: FloatArray) -> str:
+    """Hex digest of the texts and of the encoder's vector (1, D) for the probe text."""
+    digest = hashlib.sha256("\n".join([str(len(texts)), *texts]).encode())
+    # The last bits of a vector differ between processors; the cached list is as good there.
+    digest.update(np.round(probe, 3).astype("<f4").tobytes())
+    return digest.hexdigest()[:32]
+
+
+def load(name: str, count: int) -> FloatArray | None:
+    """The vectors (count, D) float32 of the file of that name; None if there is none that is whole."""
+    try:
+        found = np.load(folder() / f"{name}.npy", allow_pickle=False)
+    except (OSError, ValueError, EOFError):
+        return None
+    if not isinstance(found, np.ndarray) or found.dtype != np.float32 or found.ndim != 2 or len(found) != count:
+        return None
+    lengths = np.linalg.norm(found, axis=1)
+    return found if np.isfinite(lengths).all() and bool((lengths < 1.01).all()) else None
+
+
+def store(name: str, vectors: FloatArray) -> None:
+    """Write vectors (n, D) under that name, whole or not at all."""
+    with suppress(OSError):
+        folder().mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=folder(), suffix=".tmp", delete=False) as file:
+            np.save(file, vectors, allow_pickle=False)
+        os.replace(file.name, folder() / f"{name}.npy")
