@@ -203,8 +203,8 @@ class Interpreter:
             named = [leg.thing for leg in route if leg.thing is not None]
             target = named[-1] if named else (Thing(phrase="", room=last_room) if last_room else None)
         legs = tuple(leg for leg in route if leg.thing is None or target is None or leg.thing.phrase != target.phrase)
-        needs, where = self._needs(needs if target is None else [])
-        return Description(kind="language_guided", target=target, needs=needs, needs_room=where, route=legs)
+        stated, where = self._needs(needs if target is None else [])
+        return Description(kind="language_guided", target=target, needs=stated, needs_room=where, route=legs)
 
     def _named(self, rest: str) -> Thing | None:
         """The thing that a clause's remainder names; None for a pronoun or nothing."""

@@ -1,8 +1,8 @@
 """Needs: which kinds of things answer one, and in which order to offer the instances of a map.
 
-A need is compared with every phrase of the table of uses and with each kind's whole line. A softmax over the kinds makes that a belief
-about which kind is meant. Every instance of a kind serves alike, so a ranking for a need is a list of different guesses: what
-comes next is what most raises the chance that at least one of them is right.
+A need is compared with every phrase of the table of uses and with each kind's whole line. A softmax over the kinds makes
+that a belief about which kind is meant. Every instance of a kind serves alike, so a ranking for a need is a list of
+different guesses: what comes next is what most raises the chance that at least one of them is right.
 """
 
 from __future__ import annotations
@@ -93,9 +93,9 @@ def content_words(text: str) -> frozenset[str]:
 def cover(probabilities: Array, hits: Array, greedy: int = 64) -> Array:
     """The gain (N,) with which each instance enters the ranking; falling gains rank the instances.
 
-    Kind k is the one meant with probability p_k, and then instance i is a hit with chance h_ik. The next instance is the one that adds
-    most to P(at least one hit) = sum_k p_k (1 - prod_i (1 - h_ik)), which greedy choice brings within 1 - 1/e of
-    the best set of every size (Nemhauser et al., 1978).
+    Kind k is the one meant with probability p_k, and then instance i is a hit with chance h_ik. The next instance is the
+    one that adds most to P(at least one hit) = sum_k p_k (1 - prod_i (1 - h_ik)), which greedy choice brings within
+    1 - 1/e of the best set of every size (Nemhauser et al., 1978).
 
     Parameters
     ----------
