@@ -1,8 +1,9 @@
 """The default encoder: what a region looks like and how it is shaped, as a place in the space of words.
 
 Three opinions are fused late: a head trained on looks and shape, one trained on shape alone, and ConSE, which was not trained on
-homes and knows a thousand other things. Each is a unit vector f_b in the text encoder's space. A region's feature is their
-concatenation with weights, [sqrt(w_b) f_b], a text's is [sqrt(w_b) t]; so one cosine is the weighted mean of the three cosines.
+homes and knows a thousand other things. Each is a unit vector f_b in the text encoder's space, from which the mean of the names of
+household things has been taken: what all words of a home have in common says nothing. A region's feature is their concatenation
+with weights, [sqrt(w_b) f_b], a text's is [sqrt(w_b) t]; so one cosine is the weighted mean of the three cosines.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from openmap_agents.perception.backbone import CHANNELS, N_FEATURES, Backbone, pool_regions
-from openmap_agents.perception.conse import Conse
+from openmap_agents.perception.conse import Conse, unit
 from openmap_agents.perception.heads import load_heads
 from openmap_agents.perception.protocol import Masks
 from openmap_agents.perception.shape import N_SHAPE, shape_features
@@ -23,7 +24,7 @@ from openmap_agents.perception.weights import FOLDER
 from openmap_scenes import PinholeCamera
 
 N_DESCRIPTION = N_FEATURES + N_SHAPE
-WEIGHTS = {"looks": 1.0, "shape": 0.6, "conse": 0.3}
+WEIGHTS = {"looks": 1.0, "shape": 0.8, "conse": 0.4}
 _SCALES = np.sqrt(np.array(list(WEIGHTS.values())) / sum(WEIGHTS.values())).astype(np.float32)
 
 
@@ -45,14 +46,14 @@ class EmbeddedEncoder:
 
     def __init__(self, text: TextEncoder | None = None, weights: str | Path = FOLDER / "regions.npz") -> None:
         self._text = text or TextEncoder()
-        self._heads = load_heads({"looks": N_DESCRIPTION, "shape": N_SHAPE}, self._text.dim, weights)
+        self._heads, self._mean = load_heads({"looks": N_DESCRIPTION, "shape": N_SHAPE}, self._text.dim, weights)
         self.backbone = Backbone()
         self._conse = Conse(self._text)
         self.dim = len(WEIGHTS) * self._text.dim
 
     def encode_text(self, texts: list[str]) -> npt.NDArray[np.float32]:
         """Unit vectors (n, D) float32."""
-        return fuse([self._text.encode_text(texts)] * len(WEIGHTS))
+        return fuse([unit(self._text.encode_text(texts) - self._mean)] * len(WEIGHTS))
 
     def encode_regions(
         self,
@@ -75,7 +76,7 @@ class EmbeddedEncoder:
         return [
             self._heads["looks"](described),
             self._heads["shape"](described[:, N_FEATURES:]),
-            self._conse(self.backbone.class_logits(head)),
+            unit(self._conse(self.backbone.class_logits(head)) - self._mean),
         ]
 
 

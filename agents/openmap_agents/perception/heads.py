@@ -25,17 +25,20 @@ class RegionHead:
         return unit(hidden @ self._w2.T + self._b2)
 
 
-def load_heads(inputs: dict[str, int], dim: int, path: str | Path = FOLDER / "regions.npz") -> dict[str, RegionHead]:
-    """The heads by name, each with that many inputs, into ``dim`` dimensions.
+def load_heads(
+    inputs: dict[str, int], dim: int, path: str | Path = FOLDER / "regions.npz"
+) -> tuple[dict[str, RegionHead], npt.NDArray[np.float32]]:
+    """The heads by name, each with that many inputs, into ``dim`` dimensions; and the mean (dim,) of the words they learned.
 
     Raises
     ------
     DataError
         The weights cannot be used.
     """
-    shapes: dict[str, tuple[int | None, ...]] = {}
+    shapes: dict[str, tuple[int | None, ...]] = {"words.mean": (dim,)}
     for name, n in inputs.items():
         ends = ((n,), (n,), (None, n), (None,), (dim, None), (dim,))
         shapes |= {f"{name}.{part}": shape for part, shape in zip(PARTS, ends, strict=True)}
     arrays = load_weights(Path(path), shapes)
-    return {name: RegionHead({part: arrays[f"{name}.{part}"] for part in PARTS}) for name in inputs}
+    heads = {name: RegionHead({part: arrays[f"{name}.{part}"] for part in PARTS}) for name in inputs}
+    return heads, arrays["words.mean"]

@@ -19,6 +19,7 @@ import torch
 import tyro
 
 from openmap_agents.perception.backbone import N_FEATURES, Backbone
+from openmap_agents.perception.conse import unit
 from openmap_agents.perception.segmenter import EmbeddedSegmenter
 from openmap_agents.perception.text import TextEncoder
 from openmap_agents.perception.train_regions import collect, fit_head, weights_of
@@ -36,9 +37,9 @@ class Settings:
 
     split: str = "homes:train"
     """Scene spec without its number."""
-    homes: int = 72
+    homes: int = 100
     """How many homes the heads learn from: 0, 1, ..."""
-    views: int = 30
+    views: int = 18
     """Views of each of them."""
     segmenter_homes: int = 20
     """How many of the homes the segmenter learns from."""
@@ -70,7 +71,9 @@ def main(s: Settings) -> None:
 
     regions = collect(samples(s, s.homes, s.views, 1), Backbone(), EmbeddedSegmenter(s.out / "segmenter.npz"))
     names = sorted(set(regions.names))
-    bank = TextEncoder().encode_text(names)
+    words = TextEncoder().encode_text(names)
+    mean = words.mean(0)
+    bank = unit(words - mean)
     own = np.array([names.index(name) for name in regions.names])
     weight = weights_of(regions, own)
     x = regions.looks.astype(np.float32)
@@ -79,7 +82,9 @@ def main(s: Settings) -> None:
         "looks": fit_head(x, own, weight, bank, hidden=320, seed=s.seed, epochs=12, dropout=0.6),
         "shape": fit_head(x[:, N_FEATURES:], own, weight, bank, hidden=128, seed=s.seed, epochs=20, dropout=0.1),
     }
-    arrays = {f"{name}.{part}": array for name, head in heads.items() for part, array in head.items()}
+    arrays = {"words.mean": mean} | {
+        f"{name}.{part}": array for name, head in heads.items() for part, array in head.items()
+    }
     save_weights(s.out / "regions.npz", arrays)
 
 

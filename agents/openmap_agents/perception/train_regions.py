@@ -1,8 +1,8 @@
 """Trains the region heads: what is known of a region -> a place among words, so that its own name is the nearest of the bank.
 
 One head reads looks and shape, one shape alone; each has two layers. The loss is the cross-entropy of the softmax over the cosines
-with all names of the bank, at a fixed temperature. The words' vectors are the text encoder's own and stay as they are: what is
-learned for "armchair" is then also said of "easy chair".
+with all names of the bank, at a fixed temperature. The words' vectors are the text encoder's own less their mean, and stay as they
+are: what is learned for "armchair" is then also said of "easy chair".
 """
 
 from __future__ import annotations
