@@ -230,3 +230,11 @@ def test_shade_and_highlight_do_not_change_a_colour_s_name():
     rgb[:4] = 255
     assert region_colour(rgb, Masks(np.ones((60, 40), np.int32), np.ones(1, np.float32))) == ["blue"]
     assert region_colour(rgb, Masks(np.zeros((60, 40), np.int32), np.zeros(0, np.float32))) == []
+
+
+def test_a_dim_room_s_white_is_white_and_its_blue_still_blue():
+    assert region_colour((RGB * 0.6).astype(np.uint8), Masks(IDS, np.ones(4, np.float32)))[1:] == [
+        "white",
+        "blue",
+        "red",
+    ]
