@@ -25,11 +25,20 @@ _ALIGN = STRIDES[-1]
 
 def _fused(conv: Any, norm: Any) -> nn.Sequential:
     """The padded Conv2d with its BatchNorm2d folded in."""
+    left, right, top, bottom = getattr(conv.static_padding, "padding", (0, 0, 0, 0))
+    even = left == right and top == bottom
     plain = nn.Conv2d(
-        conv.in_channels, conv.out_channels, conv.kernel_size, conv.stride, 0, conv.dilation, conv.groups, bias=False
+        conv.in_channels,
+        conv.out_channels,
+        conv.kernel_size,
+        conv.stride,
+        (top, left) if even else 0,
+        groups=conv.groups,
+        bias=False,
     )
     plain.weight = conv.weight
-    return nn.Sequential(conv.static_padding, nn.utils.fusion.fuse_conv_bn_eval(plain.eval(), norm.eval()))
+    folded = nn.utils.fusion.fuse_conv_bn_eval(plain.eval(), norm.eval())
+    return nn.Sequential(folded) if even else nn.Sequential(conv.static_padding, folded)
 
 
 class _Block(nn.Module):
