@@ -13,6 +13,7 @@ import numpy.typing as npt
 from PIL import Image
 
 from openmap_agents.exploration.occupancy import FREE, OCCUPIED, OccupancyMap
+from openmap_agents.grounding.lexicon import STRUCTURE
 from openmap_agents.mapping import InstanceMap, MapInstance
 
 Picture = npt.NDArray[np.uint8]
@@ -116,8 +117,8 @@ def draw_points(picture: Picture, plan: Plan, points: npt.NDArray[np.floating], 
 
 
 def things(instance_map: InstanceMap) -> list[MapInstance]:
-    """The instances that are no floor, wall or ceiling."""
-    return [i for i in instance_map.instances if not i.is_structure]
+    """The instances that are no floor, wall or ceiling, by shape or by name."""
+    return [i for i in instance_map.instances if not i.is_structure and i.label not in STRUCTURE]
 
 
 def draw_instances(picture: Picture, plan: Plan, instances: Sequence[MapInstance]) -> None:
@@ -237,11 +238,10 @@ def heat_picture(
 
 
 def _extent(instance_map: InstanceMap) -> npt.NDArray[np.floating]:
-    """The corners of everything in the map, (2 n, 3) m; outliers beyond the 99th percentile do not count."""
-    corners = [corner for i in instance_map.instances for corner in (i.aabb_min, i.aabb_max)]
-    if not corners:
+    """Two corners (2, 3) m around everything in the map, but for the farthest thousandth of its points."""
+    if not len(instance_map):
         return np.zeros((1, 3))
-    return np.asarray(np.percentile(np.stack(corners), [1, 99], axis=0))
+    return np.asarray(np.percentile(np.concatenate([i.points for i in instance_map]), [0.1, 99.9], axis=0))
 
 
 def titled(picture: Picture, title: str) -> Picture:

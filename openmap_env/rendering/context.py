@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any, Literal
 
-import glcontext  # type: ignore[import-untyped]
+import glcontext
 import moderngl
 
 from openmap_env.rendering.protocol import RendererUnavailableError
