@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import re
 import zlib
+from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
@@ -41,6 +43,15 @@ def instance(
 ) -> MapInstance:
     points = (np.array(centre) + CORNERS * size).astype(np.float32)
     return MapInstance(id=number, points=points, feature=ENCODER.encode_text([name])[0])
+
+
+@pytest.fixture(scope="module", autouse=True)
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    """A cache folder of the tests' own."""
+    with pytest.MonkeyPatch.context() as patch:
+        folder = tmp_path_factory.mktemp("cache")
+        patch.setenv("XDG_CACHE_HOME", str(folder))
+        yield folder
 
 
 @pytest.fixture(scope="module")
@@ -158,6 +169,13 @@ def test_features_of_another_encoder_are_refused(grounder: Grounder) -> None:
         ("I am thirsty", "demand", None),
         ("get the chair ready, I want to eat", "demand", "chair"),
         ("find something to sit on", "demand", None),
+        ("I am tired. Where should I go?", "demand", None),
+        ("We have nothing to eat, which piece of furniture is right for that?", "demand", None),
+        ("is there a quiet corner where two of us could talk", "demand", None),
+        ("Could you tell me where I can rinse this?", "demand", None),
+        ("I fancy a slice of bread", "demand", None),
+        ("the trash can that is not in the kitchen", "object_goal", "trash can"),
+        ("Go to something I can use to heat soup and stop next to it.", "language_guided", None),
         ("where is the samovar", "object_goal", "samovar"),
         ("", "demand", None),
     ],
@@ -166,6 +184,13 @@ def test_parse(instruction: str, kind: str, phrase: str | None) -> None:
     description = Interpreter().parse(instruction)
     assert description.kind == kind
     assert (description.target.phrase if description.target else None) == phrase
+
+
+def test_what_frames_a_need_is_left_out_of_it() -> None:
+    interpreter = Interpreter()
+    assert interpreter.parse("I am tired. Please take me to something suitable.").needs == ("i am tired",)
+    description = interpreter.parse("I'm cold, is there anything in the living room that could help?")
+    assert (description.needs, description.needs_room) == (("i'm cold",), "living room")
 
 
 def test_a_noun_phrase_is_taken_apart() -> None:

@@ -1,9 +1,9 @@
 """From what a person says to the one instance meant: ``Grounder(llm=..., encoder=...).ground(instruction,
 instance_map)``.
 
-``interpreter.py`` and ``noun_phrases.py`` read the instruction, ``text_space.py`` matches words with instances and
-needs with uses, ``spatial.py`` and ``scoring.py`` do the geometry, ``llm.py`` and ``dialogue.py`` ask a language
-model instead, ``grounder.py`` puts them together.
+``interpreter.py`` and ``noun_phrases.py`` read the instruction, ``needs.py`` knows what things are for and offers
+different guesses, ``text_space.py`` and ``vector_cache.py`` hold the texts' vectors, ``spatial.py`` and ``scoring.py`` do the
+geometry, ``llm.py`` and ``dialogue.py`` ask a language model instead, ``grounder.py`` puts them together.
 """
 
 from openmap_agents.grounding.description import Description, Relation, RouteClause, Thing

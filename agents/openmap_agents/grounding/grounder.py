@@ -42,8 +42,10 @@ class GroundingSettings:
     """N_s: how many things around a candidate are named."""
     neighbour_radius: float = 2.0
     """Metres, centre to centre."""
-    min_similarity: float = 0.25
-    """Below this text similarity nothing fits, and there is no choice."""
+    min_similarity: float = 0.15
+    """Below this text similarity nothing fits, and there is no choice ..."""
+    min_share: float = 0.4
+    """... nor below this share of the similarity that the best one has to its own name: then it is plainly something else."""
     parse: bool = True
     """False: the instruction as it is goes to the encoder (ablation)."""
     select: bool = True
@@ -129,10 +131,7 @@ class Grounder:
         candidates = [self._candidate(index, view, scores) for index in order[: self.settings.n_candidates]]
         trace["candidates"] = candidates
         confidence = _confidence(scores, order)
-        if order and scores.fit[order[0]] < self.settings.min_similarity:
-            chosen: int | None = None
-        else:
-            chosen = order[0] if order else None
+        chosen = order[0] if order and self._fits(scores.fit[order[0]], view.best[order[0]]) else None
         if self.llm is not None and candidates and self.settings.select:
             order, chosen, confidence = self._select(
                 instruction, description, candidates, order, chosen, confidence, budget, trace
@@ -148,6 +147,10 @@ class Grounder:
             trace=trace,
             scores=[float(scores.total[k]) for k in order],
         )
+
+    def _fits(self, similarity: float, to_own_name: float) -> bool:
+        """Whether the best of a ranking is good enough to be chosen; features of real pictures are less like any name."""
+        return similarity >= max(self.settings.min_similarity, self.settings.min_share * to_own_name)
 
     def _viewed(self, instance_map: InstanceMap) -> MapView:
         """The map prepared for questions; kept while the same map is asked."""

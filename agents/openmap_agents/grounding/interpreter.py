@@ -3,7 +3,7 @@
 An instruction is cut into clauses, each clause is known by the verb it begins with (``data/lexicon.json``): it
 leaves, passes, approaches, stops, looks for something, or states a need. A walk's target is what its last stopping
 clause names ("it" is the thing named before); a need is handed on as a sentence, to be matched with what things are
-for (``affordances.py``).
+for (``needs.py``).
 """
 
 from __future__ import annotations

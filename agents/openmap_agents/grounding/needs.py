@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from openmap_agents.grounding.lexicon import Lexicon, load_lexicon, singular, words_of
-from openmap_agents.grounding.text_space import TextSpace
+from openmap_agents.grounding.text_space import FloatArray, TextSpace, unit
 
 Array = npt.NDArray[np.float64]
 
@@ -41,6 +41,7 @@ class Needs:
 
     def __init__(self, lexicon: Lexicon, space: TextSpace) -> None:
         self._space = space
+        self._table: tuple[FloatArray, FloatArray] | None = None
         self._kinds = list(lexicon.affordances)
         self._phrases = list(dict.fromkeys(use for uses in lexicon.affordances.values() for use in uses))
         self._lines = [f"{kind}: {'; '.join(uses)}" for kind, uses in lexicon.affordances.items()]
@@ -76,8 +77,13 @@ class Needs:
 
     def _cosines(self, need: str) -> tuple[Array, Array]:
         """Of the need with the nearest phrase and with the whole line of every kind, (K,) each."""
-        vectors = self._space.listed(self._phrases + self._lines)
-        cosines = (vectors @ self._space.vectors([need])[0]).astype(np.float64)
+        if self._table is None:
+            listed = self._space.listed([*self._kinds, *self._phrases, *self._lines])
+            # What all words of a home have in common says nothing; some encoders leave it out and some do not.
+            common = listed[: len(self._kinds)].mean(0)
+            self._table = unit(listed[len(self._kinds) :] - common), common
+        vectors, common = self._table
+        cosines = (vectors @ unit(self._space.vectors([need]) - common)[0]).astype(np.float64)
         phrases, lines = cosines[: len(self._phrases)], cosines[len(self._phrases) :]
         return np.maximum.reduceat(phrases[self._rows], self._starts), lines
 

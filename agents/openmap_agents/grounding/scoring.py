@@ -29,6 +29,8 @@ Array = npt.NDArray[np.float64]
 TEMPERATURE = 0.1
 FLOOR = 0.05
 LABEL_TEMPERATURE = 0.04
+KIND_COST = 0.05
+"""Similarity that a need's less probable kinds lose, per factor e of probability."""
 COMPETE = 0.12
 STRUCTURE_COST = 0.5
 ROOM_REACH = 1.6
@@ -70,7 +72,11 @@ class MapView:
                     f"instance {instance.id} has a feature of shape {feature.shape}, the encoder gives ({text.shape[1]},); "
                     "ground with the encoder that the map was made with"
                 )
-        self.features = unit(np.stack(features)) if features else np.zeros((0, text.shape[1]), np.float32)
+        # What all words of a home have in common says nothing; some encoders leave it out and some do not.
+        self._common = text.mean(0)
+        stacked = unit(np.stack(features)) if features else np.zeros((0, text.shape[1]), np.float32)
+        self.features = unit(stacked - self._common) * stacked.any(1, keepdims=True)
+        text = unit(text - self._common)
         # A thing is as much a sofa as it is the likest of sofa, couch and settee.
         likeness = np.maximum.reduceat((self.features @ text.T).astype(np.float64), starts, axis=1)
         self.best = likeness.max(1, initial=0.0)
@@ -114,7 +120,7 @@ class MapView:
 
     def similarity(self, queries: tuple[tuple[str, float], ...]) -> Array:
         """Best cosine less its cost over the queries, (N,)."""
-        text = self.space.vectors([query for query, _ in queries])
+        text = unit(self.space.vectors([query for query, _ in queries]) - self._common)
         costs = np.array([cost for _, cost in queries])
         return np.asarray((self.features @ text.T - costs).max(1), np.float64)
 
@@ -179,7 +185,7 @@ def _score_need(description: Description, view: MapView) -> Scores:
 
 def _as_queries(serves: tuple[tuple[str, float], ...]) -> tuple[tuple[str, float], ...]:
     """Kinds with what a lower probability costs in similarity."""
-    return tuple((kind, TEMPERATURE * float(np.log(serves[0][1] / max(p, 1e-12)))) for kind, p in serves)
+    return tuple((kind, KIND_COST * float(np.log(serves[0][1] / max(p, 1e-12)))) for kind, p in serves)
 
 
 def _from_fit(view: MapView, fit: Array, queries: tuple[tuple[str, float], ...]) -> Scores:

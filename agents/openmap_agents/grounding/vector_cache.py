@@ -49,6 +49,6 @@ def store(name: str, vectors: FloatArray) -> None:
     """Write vectors (n, D) under that name, whole or not at all."""
     with suppress(OSError):
         folder().mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=folder(), suffix=".tmp", delete=False) as file:
-            np.save(file, vectors, allow_pickle=False)
-        os.replace(file.name, folder() / f"{name}.npy")
+        with tempfile.TemporaryDirectory(dir=folder()) as aside:
+            np.save(Path(aside) / "new.npy", vectors, allow_pickle=False)
+            os.replace(Path(aside) / "new.npy", folder() / f"{name}.npy")
