@@ -1,8 +1,8 @@
 """Instructions as people give them, on hand-built homes: is the thing chosen that they mean?
 
-The sentences of ``grounding_needs.json`` were written before the table of uses and are not in it; the odd ones were
-not looked at while it was written. Those that are not answered at once are listed here by name, so that a change in either
-direction shows.
+The sentences of ``grounding_needs.json`` were written before the table of uses, though by the same hand; settings were chosen on
+every other one (the first, third, ...). Those that are not answered at once are listed here by name, so that a change in
+either direction shows.
 """
 
 from __future__ import annotations
