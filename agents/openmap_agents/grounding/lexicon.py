@@ -17,6 +17,11 @@ from typing import Any
 
 STRUCTURE = frozenset({"wall", "floor", "ceiling", "beam", "baseboard", "column"})
 """Names of what a home is built of: ranked low unless asked for."""
+FLAT = frozenset(
+    {"bath mat", "blinds", "curtain", "door", "doormat", "french door", "front door", "mirror", "picture", "poster", "room divider",
+     "rug", "shower curtain", "wardrobe", "whiteboard", "window"}
+)  # fmt: skip
+"""Names of things that may be as large and flat as a wall or a floor, so that their shape says nothing against them."""
 
 _IRREGULAR = {"shelves": "shelf", "knives": "knife", "bookshelves": "bookshelf", "people": "person", "scarves": "scarf"}
 

@@ -20,7 +20,7 @@ from scipy.spatial import cKDTree
 from openmap_agents.grounding import spatial
 from openmap_agents.grounding.colours import colour_fits, colour_word
 from openmap_agents.grounding.description import Description, Relation, Thing
-from openmap_agents.grounding.lexicon import STRUCTURE, Lexicon
+from openmap_agents.grounding.lexicon import FLAT, STRUCTURE, Lexicon
 from openmap_agents.grounding.needs import cover
 from openmap_agents.grounding.text_space import TextSpace, unit
 from openmap_agents.mapping.instance_map import InstanceMap
@@ -81,8 +81,13 @@ class MapView:
         likeness = np.maximum.reduceat((self.features @ text.T).astype(np.float64), starts, axis=1)
         self.best = likeness.max(1, initial=0.0)
         self.labels = [names[k] for k in likeness.argmax(1)]
-        shaped = np.array([instance.is_structure for instance in instance_map.instances], bool)
-        self.structure = shaped | np.array([label in STRUCTURE for label in self.labels], bool)
+        self.structure = np.array(
+            [
+                label in STRUCTURE or (instance.is_structure and label not in FLAT)
+                for instance, label in zip(instance_map.instances, self.labels, strict=True)
+            ],
+            bool,
+        )
         weights = np.exp((likeness - likeness.max(1, keepdims=True)) / LABEL_TEMPERATURE) if len(self) else likeness
         self.is_called = weights / weights.sum(1, keepdims=True) if len(self) else weights
         self.column = {name: k for k, name in enumerate(names)}
