@@ -53,7 +53,7 @@ class SceneTask:
 
 
 StepObserver = Callable[[OpenMapNavEnv, Agent, Observation], None]
-"""Called after every observation of a walk, for videos and pictures."""
+"""Called after every decision of a walk with the observation that it was made from, for videos and pictures."""
 
 SceneObserver = Callable[[OpenMapNavEnv, Agent, str], None]
 """Called when a scene's episodes are done and its environment is still open."""
@@ -193,9 +193,9 @@ def _play(
     agent.reset(observation, info)
     over, steps, answer = False, 0, None
     while not over:
+        action = agent.act(observation)
         if on_step:
             on_step(_bare(env), agent, observation)
-        action = agent.act(observation)
         if action == STOP:
             answer = agent.answer()
             if answer is not None:

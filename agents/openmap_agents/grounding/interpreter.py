@@ -23,7 +23,9 @@ _NEED_STATE = re.compile(
     r"\b(?:is|isn't|are|aren't|was|were|has|have|had|will|won't|would|should|must|can't|cannot|could|do|does|don't|doesn't"
     r"|didn't|feels?|hurts?|smells?|stinks?|tastes?|looks?|needs?|wants?|keeps?|gets?|got|ran|went|came|broke|fell|stopped)\b"
 )
-_SAYS = re.compile(r"^(?:i|we|he|she|they|it|there|somebody|someone|nobody|everybody|everyone)(?:'[a-z]+)?\b.")
+_SAYS = re.compile(
+    r"^(?:i|we|he|she|they|it|there|somebody|someone|nobody|everybody|everyone|[a-z]+ of (?:us|you|them))(?:'[a-z]+)?\b."
+)
 """A sentence with a subject, which no noun phrase is."""
 
 

@@ -36,8 +36,10 @@ class Needs:
 
     TEMPERATURE = 0.06
     """Of the softmax over the kinds' scores; by likelihood on sentences that the table was not written for."""
+    TAIL, TAIL_TEMPERATURE = 0.3, 0.15
+    """How much of the belief goes to a softmax this broad: a home may lack the likeliest kind, and then the next best counts."""
     LEXICAL = 0.15
-    KEPT = 24
+    KEPT = 40
 
     def __init__(self, lexicon: Lexicon, space: TextSpace) -> None:
         self._space = space
@@ -60,8 +62,9 @@ class Needs:
         need = ". ".join(needs)
         phrase, line = self._cosines(need)
         scores = phrase + line + self.LEXICAL * self._shared(content_words(need))
-        weights = np.exp((scores - scores.max()) / self.TEMPERATURE)
-        weights /= weights.sum()
+        weights = (1 - self.TAIL) * softmax(scores, self.TEMPERATURE) + self.TAIL * softmax(
+            scores, self.TAIL_TEMPERATURE
+        )
         order = np.argsort(-weights, kind="stable")[: self.KEPT]
         return tuple((self._kinds[k], float(weights[k])) for k in order)
 
@@ -86,6 +89,12 @@ class Needs:
         cosines = (vectors @ unit(self._space.vectors([need]) - common)[0]).astype(np.float64)
         phrases, lines = cosines[: len(self._phrases)], cosines[len(self._phrases) :]
         return np.maximum.reduceat(phrases[self._rows], self._starts), lines
+
+
+def softmax(scores: Array, temperature: float) -> Array:
+    """Probabilities (K,) of scores (K,)."""
+    weights = np.exp((scores - scores.max()) / temperature)
+    return np.asarray(weights / weights.sum(), np.float64)
 
 
 def content_words(text: str) -> frozenset[str]:
