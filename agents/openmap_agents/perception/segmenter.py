@@ -32,7 +32,7 @@ from openmap_scenes import PinholeCamera
 MIN_PIXELS_VGA = 250  # smallest mask of a 640 x 480 picture; other sizes in proportion
 LOWEST_JOIN = 0.05  # pairs less probable than this are never joined
 N_NODE = N_REGION + 2
-_STRUCTURE_AT = 0.85  # a window taken for wall is lost, a piece of wall taken for a thing is only called "wall" later
+_STRUCTURE_AT = 0.95  # a window taken for wall is lost, a piece of wall taken for a thing is only called "wall" later
 
 
 def plain_join() -> Network:

@@ -41,7 +41,7 @@ class Settings:
     """How many homes the heads learn from: 0, 1, ..."""
     views: int = 18
     """Views of each of them."""
-    segmenter_homes: int = 20
+    segmenter_homes: int = 30
     """How many of the homes the segmenter learns from."""
     segmenter_views: int = 12
     """Views of each of those."""

@@ -24,6 +24,7 @@ HIDDEN = 32
 _PURE = 0.8  # a region counts as showing one thing if this share of it does
 _PAIRS_A_VIEW = 600
 _LOG = 60_000
+_NODE_NETWORKS = 4
 _SMALLEST = 40  # working pixels below which a node teaches nothing
 
 
@@ -61,6 +62,13 @@ def fit(
             schedule.step()
     w1, b1, w2, b2 = (p.detach().numpy().astype(np.float64) for p in model.parameters())
     return Network(w1 / std, b1 - w1 @ (mean / std), w2, b2)
+
+
+def average(networks: list[Network]) -> Network:
+    """One network whose logits are the means of theirs: their hidden units side by side."""
+    w1, b1, w2, b2 = zip(*(n.arrays() for n in networks), strict=True)
+    share = 1.0 / len(networks)
+    return Network(np.concatenate(w1), np.concatenate(b1), share * np.concatenate(w2, axis=1), np.mean(b2, axis=0))
 
 
 def _histogram(
@@ -136,7 +144,8 @@ def train_segmenter(samples: list[Sample], seed: int, rounds: int = 3) -> dict[s
             print(f"joins, round {i + 1}: {len(x)} pairs, {error:.1%} wrong")
     # The nodes of the last round come from the network that is kept.
     x, y, w = (np.concatenate([getattr(t, a) for t in taught]) for a in ("nodes", "targets", "node_weights"))
-    node = fit(x, y, w, seed)
+    # Several, because what one of them takes for a wall in a strange house is a matter of luck.
+    node = average([fit(x, y, w, seed + i) for i in range(_NODE_NETWORKS)])
     error, mistaken = float(np.abs(node(x) - y)[:, 0].mean()), float(((node(x) > 0.5) != (y > 0.5))[:, 1].mean())
     print(f"nodes: {len(x)}, IoU off by {error:.3f}, structure {mistaken:.1%} wrong")
     return {
