@@ -7,6 +7,7 @@ it explores, grounds the instruction, walks to the chosen instance and stops the
 from __future__ import annotations
 
 import math
+import zlib
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -81,14 +82,16 @@ class OpenMapAgent:
     ) -> None:
         self.camera, self.segmenter, self.encoder, self.grounder = camera, segmenter, encoder, grounder
         self.settings = settings or OpenMapAgentSettings()
-        self._rng = rng if rng is not None else np.random.default_rng(0)
+        self._seed = int((rng if rng is not None else np.random.default_rng(0)).integers(2**32))
         self._frame: str | None = None
         self._names: tuple[TextSpace, Any] | None = None
         self._forget()
 
     def _forget(self) -> None:
         """A new home, or a new frame: nothing learned so far holds."""
-        self.explorer = Explorer(self.settings.explorer, self._rng)
+        # Drawn anew for each episode frame, so that an evaluation that was resumed draws the same.
+        rng = np.random.default_rng([self._seed, zlib.crc32(str(self._frame).encode())])
+        self.explorer = Explorer(self.settings.explorer, rng)
         self.mapper = OpenMapper(self.camera, self.settings.mapping)
         self.last_masks: Masks | None = None
         self.keyframes = 0

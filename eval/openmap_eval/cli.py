@@ -118,9 +118,13 @@ def main(arguments: list[str] | None = None) -> None:
     command: Eval | Demo | Query | Scenes = tyro.cli(Command, args=arguments, prog="openmap", description=__doc__)
     try:
         command.run(console)
-    except (DataError, ValueError) as error:
+    except (DataError, ValueError, OSError) as error:
         console.print(f"[bold red]openmap:[/] {error}", soft_wrap=True, highlight=False)
         raise SystemExit(2) from error
     except KeyboardInterrupt:
         console.print("stopped; the same command goes on from here")
         raise SystemExit(130) from None
+
+
+if __name__ == "__main__":
+    main()

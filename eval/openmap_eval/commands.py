@@ -39,12 +39,15 @@ def run_eval(command: Eval, console: Console) -> None:
 
 def _tasks(command: Eval) -> list[SceneTask]:
     if (command.scene is None) == (command.split is None):
-        raise DataError("the command line", "both or neither of --scene and --split", "one of them")
+        found = "neither --scene nor --split" if command.scene is None else "both --scene and --split"
+        raise DataError("the command line", found, "one of them")
     episodes = int(command.episodes) if command.episodes.isdigit() else Path(command.episodes)
     if isinstance(episodes, int) and episodes < 1:
         raise DataError("--episodes", "0", "at least one, or a file of episodes")
     if command.scene is not None:
         return [SceneTask(command.scene, episodes)]
+    if command.homes < 1:
+        raise DataError("--homes", str(command.homes), "at least one")
     split = str(command.split).partition("/")[2]
     return [SceneTask(f"homes:{split}/{n}", episodes) for n in range(command.homes)]
 
@@ -81,6 +84,12 @@ def run_query(command: Query, console: Console) -> None:
     from openmap_agents.mapping import InstanceMap
     from openmap_agents.perception import make_encoder
 
+    if command.top < 1 or not command.instruction.strip():
+        raise DataError(
+            "the command line",
+            f"--top {command.top} and the instruction {command.instruction!r}",
+            "at least 1, and words",
+        )
     instance_map = InstanceMap.load(command.map)
     grounding = Grounder(command.llm, encoder=make_encoder("embedded")).ground(command.instruction, instance_map)
     table = Table(title=f"“{command.instruction}”", title_justify="left", pad_edge=False)
@@ -93,6 +102,10 @@ def run_query(command: Query, console: Console) -> None:
             str(rank), str(instance_id), instance.label or "?", f"{value:.2f}", *(f"{x:.2f}" for x in instance.centre)
         )
     console.print(table)
+    if grounding.trace["fallbacks"]:
+        console.print(
+            "the language model failed, the built-in interpreter answered: " + str(grounding.trace["fallbacks"])
+        )
     if grounding.choice is None:
         console.print("nothing in this map fits well")
     console.print(f"confidence {grounding.confidence:.2f}; metres in the frame that the map was built in")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from openmap_agents.openmap_agent import OpenMapAgent
 from openmap_env.env import OpenMapNavEnv
 from openmap_env.episodes import Episode
 from openmap_eval.pictures import Picture, heat_picture, map_picture, write_png
+from openmap_eval.records import write_json
 
 HEATMAPS = 2
 
@@ -25,8 +27,13 @@ class Gallery:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
+        self._index = folder / "pictures.json"
         self.maps: dict[str, Path] = {}
         self.heatmaps: dict[str, Path] = {}
+        if self._index.exists():  # of scenes that an earlier run of this evaluation finished
+            kept = json.loads(self._index.read_text())
+            self.maps = {caption: folder / name for caption, name in kept["maps"].items()}
+            self.heatmaps = {caption: folder / name for caption, name in kept["heatmaps"].items()}
 
     def __call__(self, env: OpenMapNavEnv, agent: Agent, scene: str) -> None:
         if not isinstance(agent, OpenMapAgent):
@@ -43,6 +50,8 @@ class Gallery:
             picture = heat_picture(instance_map, scores, labels, agent.occupancy)
             caption = f"“{episode.instruction}” in {scene}: bright fits well, numbers are ranks"
             self.heatmaps[caption] = self._write(f"{stem}.heat{number}.png", picture)
+        names = [{caption: path.name for caption, path in paths.items()} for paths in (self.maps, self.heatmaps)]
+        write_json(self._index, {"maps": names[0], "heatmaps": names[1]})
 
     def _write(self, name: str, picture: Picture) -> Path:
         path = self._folder / name

@@ -6,6 +6,7 @@ spent, then answers every instruction from the map it has. ``navigation``: every
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import time
@@ -81,8 +82,8 @@ def evaluate(
         ``out`` holds an evaluation with other settings.
     """
     out.mkdir(parents=True, exist_ok=True)
-    _claim(out, settings)
     records = RecordFile(out / "episodes.jsonl")
+    _claim(out, settings, tasks, fresh=not records.records)
     for task in tasks:
         env = make_env(task, settings)
         try:
@@ -101,16 +102,27 @@ def evaluate(
     return summary
 
 
-def _claim(out: Path, settings: EvalSettings) -> None:
-    """Write the settings into a new folder; refuse a folder whose figures come from other settings."""
+def _claim(out: Path, settings: EvalSettings, tasks: Sequence[SceneTask], fresh: bool) -> None:
+    """Write what is run into a new folder; refuse a folder whose records come from something else."""
     path = out / "settings.json"
-    if not path.exists():
-        write_json(path, asdict(settings))
+    asked = {**asdict(settings), "tasks": [[task.scene, _described(task.episodes)] for task in tasks]}
+    if fresh or not path.exists():
+        write_json(path, asked)
         return
     found = json.loads(path.read_text())
-    different = {key: found.get(key) for key, value in asdict(settings).items() if found.get(key) != value}
+    different = {key: found.get(key) for key, value in asked.items() if found.get(key) != value}
     if different:
         raise DataError(path, f"an evaluation with {different}", "the settings of this run", "Give another --out.")
+
+
+def _described(episodes: int | Path | Sequence[Episode]) -> int | str:
+    """The episodes as they are asked for: how many, or a digest of which."""
+    if isinstance(episodes, int):
+        return episodes
+    if isinstance(episodes, Path):
+        files = sorted(p for p in episodes.rglob("*") if p.is_file()) if episodes.is_dir() else [episodes]
+        return hashlib.sha256(b"".join(p.read_bytes() for p in files if p.is_file())).hexdigest()[:16]
+    return hashlib.sha256(repr(list(episodes)).encode()).hexdigest()[:16]
 
 
 def make_env(task: SceneTask, settings: EvalSettings) -> gym.Env[Any, Any]:

@@ -145,3 +145,27 @@ def test_bad_input_ends_in_one_message(tmp_path, toy_specs, capsys, arguments, s
         main(["eval", *arguments, "--out", str(tmp_path / "out")])
     assert stopped.value.code == 2
     assert says in capsys.readouterr().out
+
+
+def test_what_a_resumed_run_adds_is_what_an_unbroken_one_has(tmp_path, toy_specs):
+    run("random", tmp_path / "whole", toy_specs, protocol="navigation", episodes=6)
+    run("random", tmp_path / "cut", toy_specs, protocol="navigation", episodes=6)
+    path = tmp_path / "cut" / "episodes.jsonl"
+    path.write_text("".join(path.read_text().splitlines(keepends=True)[:2]))
+    run("random", tmp_path / "cut", toy_specs, protocol="navigation", episodes=6)
+    timeless = [
+        [{k: v for k, v in line.items() if k != "seconds"} for line in lines(tmp_path / n)] for n in ("whole", "cut")
+    ]
+    assert timeless[0] == timeless[1]
+
+
+def test_other_episodes_do_not_mix_with_what_is_there(tmp_path, toy_specs):
+    run("random", tmp_path, toy_specs, episodes=3)
+    with pytest.raises(DataError, match="tasks"):
+        run("random", tmp_path, toy_specs, episodes=4)
+
+
+def test_a_refused_run_leaves_its_folder_free(tmp_path, toy_specs):
+    with pytest.raises(ValueError, match="nobody"):
+        run("nobody", tmp_path, toy_specs)
+    run("random", tmp_path, toy_specs)

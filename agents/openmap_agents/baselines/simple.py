@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import zlib
 from typing import Any
 
 import numpy as np
@@ -18,10 +19,12 @@ class RandomAgent:
     def __init__(self, rng: np.random.Generator, mean_steps: int = 100) -> None:
         if mean_steps < 1:
             raise ValueError(f"mean_steps is {mean_steps}, expected at least 1")
-        self._rng, self._stop = rng, 1.0 / mean_steps
+        self._seed, self._stop = int(rng.integers(2**32)), 1.0 / mean_steps
+        self._rng = np.random.default_rng(self._seed)
 
     def reset(self, observation: Observation, info: dict[str, Any]) -> None:
-        """Nothing is kept, nothing is dropped."""
+        """What is drawn depends on the episode alone, so that an evaluation that was resumed draws the same."""
+        self._rng = np.random.default_rng([self._seed, zlib.crc32(str(info["episode_id"]).encode())])
 
     def act(self, observation: Observation) -> int:
         """STOP now and then, otherwise any move."""

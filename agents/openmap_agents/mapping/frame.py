@@ -67,6 +67,10 @@ def check_frame(
     for name, array, kind, expected in (("depth", depth_, "fiu", "numbers"), ("masks", masks_, "iub", "integers")):
         if array.shape != shape or array.dtype.kind not in kind:
             raise ValueError(f"{name} is {array.dtype} of shape {array.shape}, expected {expected} of shape {shape}")
+    if depth_.dtype.kind != "f":
+        raise ValueError(
+            f"depth is {depth_.dtype}, expected metres as floats; millimetres in integers become depth / 1000.0"
+        )
     T = np.asarray(T_world_camera, np.float64)
     if T.shape != (4, 4) or not np.isfinite(T).all():
         what = f"of shape {T.shape}" if T.shape != (4, 4) else "not finite"

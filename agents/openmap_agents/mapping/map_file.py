@@ -58,6 +58,10 @@ def save_map(instance_map: InstanceMap, path: str | Path) -> None:
             columns["header"] = np.frombuffer(json.dumps(header).encode(), np.uint8)
             np.savez_compressed(file, allow_pickle=False, **columns)
             file.close()
+            # A temporary file is private; a map is as readable as any other file made here.
+            umask = os.umask(0)
+            os.umask(umask)
+            os.chmod(file.name, 0o666 & ~umask)
             os.replace(file.name, path)
         except BaseException:
             file.close()
