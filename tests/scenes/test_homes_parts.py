@@ -36,7 +36,7 @@ f -4 -3 -2
 """
 MTL = """newmtl skin
 Kd 0.1 0.1 0.1
-map_Kd /home/someone/skin.png
+map_Kd /elsewhere/skin.png
 newmtl glass
 Kd 0 0 0
 d 0.25
