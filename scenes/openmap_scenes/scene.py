@@ -7,6 +7,7 @@ this field carry their light in their textures, and generated homes bake theirs 
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -35,12 +36,13 @@ class Material:
 
 @dataclass(frozen=True)
 class Room:
-    """A named space: its axis-aligned box in the world frame, (3,) float m each."""
+    """A named space: its axis-aligned box in the world frame, (3,) float m each, and the storey that it lies on, 0 = lowest."""
 
     id: int
     name: str
     aabb_min: npt.NDArray[np.float64]
     aabb_max: npt.NDArray[np.float64]
+    level: int = 0
 
     def contains(self, position: npt.ArrayLike, margin: float = 0.0) -> bool:
         """Whether a world position (3,) m lies in the box, grown by ``margin`` m."""
@@ -62,8 +64,8 @@ class Instance:
         Axis-aligned box of all its vertices; the centre is that of the box.
     room : int or None
         ``Room.id``.
-    mpcat40 : str or None
-        Its Matterport category, where the source or the taxonomy knows it.
+    mpcat40, scannet200, lvis : str or None
+        Its name in those label sets ("chair", "office chair", "chair"), where the source or the taxonomy knows it.
     attributes : dict
         Words that describe it: ``{"colour": "blue", "material": "wood"}``.
     source_id : int
@@ -79,6 +81,8 @@ class Instance:
     mpcat40: str | None = None
     attributes: dict[str, str] = field(default_factory=dict)
     source_id: int = -1
+    scannet200: str | None = None
+    lvis: str | None = None
 
 
 @dataclass(frozen=True)
@@ -155,6 +159,24 @@ class Scene:
     def aabb(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
         """Smallest and largest corner (3,) m of the whole mesh, world frame."""
         return self.vertices.min(0).astype(np.float64), self.vertices.max(0).astype(np.float64)
+
+    def digest(self) -> str:
+        """A hexadecimal fingerprint of everything that is seen or said of the scene: equal bytes, equal digest, in any process."""
+        hasher = hashlib.sha256()
+        for array in (
+            self.vertices, self.faces, self.face_material, self.face_instance, self.uv, self.vertex_colour,
+        ):  # fmt: skip
+            hasher.update(b"none" if array is None else np.ascontiguousarray(array).tobytes())
+        for material in self.materials:
+            hasher.update(material.colour.tobytes())
+            hasher.update(b"none" if material.texture is None else np.ascontiguousarray(material.texture).tobytes())
+        for i in self.instances:
+            names = (i.id, i.category, i.room, i.mpcat40, i.scannet200, i.lvis, sorted(i.attributes.items()))
+            hasher.update(repr(names).encode() + i.aabb_min.tobytes() + i.aabb_max.tobytes())
+        for room in self.rooms:
+            hasher.update(repr((room.id, room.name, room.level)).encode())
+            hasher.update(room.aabb_min.tobytes() + room.aabb_max.tobytes())
+        return hasher.hexdigest()
 
     def instance(self, instance_id: int) -> Instance:
         """The instance of that id; KeyError where there is none."""

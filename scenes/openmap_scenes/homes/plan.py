@@ -133,13 +133,23 @@ class Opening:
         return Rect(self.start, a, self.end, b) if self.axis == "x" else Rect(a, self.start, b, self.end)
 
 
+@dataclass(frozen=True)
+class Leaf:
+    """The leaf of a door that stands open: the room it swung into and the floor that it takes, up to the door's height."""
+
+    room: int
+    footprint: Rect
+
+
 @dataclass
 class Plan:
-    """Rooms (name, rectangle between wall middles) and openings."""
+    """Rooms (name, rectangle between wall middles), openings, the open doors' leaves, and the ceiling's height, m."""
 
     names: list[str]
     rects: list[Rect]
     openings: list[Opening] = field(default_factory=list)
+    leaves: list[Leaf] = field(default_factory=list)
+    ceiling: float = CEILING
 
     @property
     def outline(self) -> Rect:
