@@ -11,15 +11,12 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 from plyfile import PlyData
-from scipy.spatial import cKDTree
 
 from openmap_scenes.errors import DataError
 from openmap_scenes.formats.glb import T_WORLD_ZUP, read_textured_mesh
 from openmap_scenes.formats.house import House, read_house
+from openmap_scenes.formats.transfer import transfer_face_ids
 from openmap_scenes.scene import Instance, Room, Scene, instance_boxes
-
-# Faces of the picture's mesh and of the semantic mesh are the same ones where their centroids are this close, m.
-SAME_FACE = 1e-3
 
 
 def read_mp3d(folder: str | Path) -> Scene:
@@ -39,7 +36,7 @@ def read_mp3d(folder: str | Path) -> Scene:
     house = read_house(houses[0])
     mesh = read_textured_mesh(folder / f"{scan}.glb", T_WORLD_ZUP)
     vertices, faces, object_id = _read_semantic_ply(folder / f"{scan}_semantic.ply", len(house.objects))
-    face_instance = _transfer(vertices, faces, (object_id + 1).astype(np.int32), mesh.vertices, mesh.faces)
+    face_instance = transfer_face_ids(vertices, faces, (object_id + 1).astype(np.int32), mesh.vertices, mesh.faces)
     return Scene(
         name=scan,
         vertices=mesh.vertices,
@@ -82,51 +79,6 @@ def _read_semantic_ply(
         )
     world = vertices @ T_WORLD_ZUP[:3, :3].T
     return world.astype(np.float32), faces, object_id
-
-
-def _transfer(
-    vertices: npt.NDArray[np.float32],
-    faces: npt.NDArray[np.int32],
-    face_id: npt.NDArray[np.int32],
-    to_vertices: npt.NDArray[np.float32],
-    to_faces: npt.NDArray[np.int32],
-) -> npt.NDArray[np.int32]:
-    """The id of each face of one mesh at the faces of another one of the same surface.
-
-    Where both have the same triangles, the face with the same centroid gives the id, and among faces that lie on one
-    another (a picture's back on the wall) the one whose corners fit best. Elsewhere the closest surface gives it.
-    """
-    corners, to_corners = vertices[faces], to_vertices[to_faces]
-    tree = cKDTree(corners.mean(1))
-    k = min(4, len(faces))
-    distance, nearest = tree.query(to_corners.mean(1), k=k, distance_upper_bound=SAME_FACE)
-    distance, nearest = distance.reshape(-1, k), nearest.reshape(-1, k)
-    mismatch = np.full(nearest.shape, np.inf)
-    hit = np.isfinite(distance)
-    row, column = np.nonzero(hit)
-    # Both meshes list a triangle's corners in any rotation, so compare the sorted distances to the common centroid.
-    spread = np.sort(np.linalg.norm(corners - corners.mean(1, keepdims=True), axis=2), axis=1)
-    to_spread = np.sort(np.linalg.norm(to_corners - to_corners.mean(1, keepdims=True), axis=2), axis=1)
-    mismatch[row, column] = np.abs(spread[nearest[row, column]] - to_spread[row]).max(1) + distance[row, column]
-    best = np.argmin(mismatch, axis=1)
-    found = hit.any(1)
-    result = np.zeros(len(to_faces), np.int32)
-    result[found] = face_id[nearest[found, best[found]]]
-    if not found.all():
-        result[~found] = face_id[_closest_faces(vertices, faces, to_corners[~found].mean(1))]
-    return result
-
-
-def _closest_faces(
-    vertices: npt.NDArray[np.float32], faces: npt.NDArray[np.int32], points: npt.NDArray[np.float32]
-) -> npt.NDArray[np.int64]:
-    """Index of the face closest to each point (N, 3) m."""
-    import open3d as o3d
-
-    surface = o3d.t.geometry.RaycastingScene()
-    surface.add_triangles(o3d.core.Tensor.from_numpy(vertices), o3d.core.Tensor.from_numpy(faces.astype(np.uint32)))
-    closest = surface.compute_closest_points(o3d.core.Tensor.from_numpy(points.astype(np.float32)))
-    return np.asarray(closest["primitive_ids"].numpy(), np.int64)
 
 
 def _instances(
