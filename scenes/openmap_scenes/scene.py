@@ -27,11 +27,14 @@ class Material:
         sRGB display values in 0..1, multiplied with the texture.
     texture : (h, w, 3) uint8 or None
         sRGB, row 0 on top; repeats outside 0..1.
+    missing_texture : str
+        The image that the material names and that is not there, so that its plain colour stands in for it; "" where none is missed.
     """
 
     name: str
     colour: npt.NDArray[np.float32]
     texture: npt.NDArray[np.uint8] | None = None
+    missing_texture: str = ""
 
 
 @dataclass(frozen=True)
