@@ -1,4 +1,4 @@
-"""The command line: ``openmap eval | demo | query | scenes``."""
+"""The command line: ``openmap eval | demo | query | scenes | bench``."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 import tyro
 from rich.console import Console
 
+from openmap_eval.bench import Benchmark
 from openmap_scenes import DataError
 
 
@@ -103,11 +104,22 @@ class Scenes:
         run_scenes(self, console)
 
 
+@dataclass(frozen=True)
+class Bench:
+    """Measure what things cost on this machine."""
+
+    benchmark: tyro.conf.OmitSubcommandPrefixes[Benchmark]
+
+    def run(self, console: Console) -> None:
+        self.benchmark.run(console)
+
+
 Command = (
     Annotated[Eval, tyro.conf.subcommand("eval")]
     | Annotated[Demo, tyro.conf.subcommand("demo")]
     | Annotated[Query, tyro.conf.subcommand("query")]
     | Annotated[Scenes, tyro.conf.subcommand("scenes")]
+    | Annotated[Bench, tyro.conf.subcommand("bench")]
 )
 
 
@@ -115,7 +127,9 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the command line; bad input ends in one message and exit status 2, without a traceback."""
     logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s", stream=sys.stderr)
     console = Console()
-    command: Eval | Demo | Query | Scenes = tyro.cli(Command, args=arguments, prog="openmap", description=__doc__)
+    command: Eval | Demo | Query | Scenes | Bench = tyro.cli(
+        Command, args=arguments, prog="openmap", description=__doc__
+    )
     try:
         command.run(console)
     except (DataError, ValueError, OSError) as error:

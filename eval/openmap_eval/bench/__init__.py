@@ -1,0 +1,18 @@
+"""``openmap bench NAME``: what things cost on this machine, as a table and as JSON beside the machine's description.
+
+One more: a module here with a frozen dataclass of its settings and ``run(console)``, and a line in ``Benchmark``. The modules are
+imported whenever the command line is, so they import what they measure inside their functions.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import tyro
+
+from openmap_eval.bench.loading import Loading
+from openmap_eval.bench.machine import Machine
+
+Benchmark = Annotated[Loading, tyro.conf.subcommand("loading")] | Annotated[Machine, tyro.conf.subcommand("machine")]
+
+__all__ = ["Benchmark", "Loading", "Machine"]
