@@ -12,6 +12,7 @@ import tyro
 from rich.console import Console
 
 from openmap_eval.bench import Benchmark
+from openmap_eval.scene_commands import SceneCommand
 from openmap_scenes import DataError
 
 
@@ -91,17 +92,12 @@ class Query:
 
 @dataclass(frozen=True)
 class Scenes:
-    """Show what a scene holds: a picture from above, counts, rooms."""
+    """What scenes there are, what they look like, what is wrong with them."""
 
-    scene: tyro.conf.Positional[str]
-    """A scene of the catalogue."""
-    out: Path | None = None
-    """Write a contact sheet (plan with labels and views) to this PNG."""
+    command: SceneCommand
 
     def run(self, console: Console) -> None:
-        from openmap_eval.commands import run_scenes
-
-        run_scenes(self, console)
+        self.command.run(console)
 
 
 @dataclass(frozen=True)

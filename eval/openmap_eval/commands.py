@@ -18,7 +18,7 @@ from openmap_eval.video import WalkVideo
 from openmap_scenes import DataError
 
 if TYPE_CHECKING:
-    from openmap_eval.cli import Eval, Query, Scenes
+    from openmap_eval.cli import Eval, Query
 
 
 def run_eval(command: Eval, console: Console) -> None:
@@ -109,27 +109,3 @@ def run_query(command: Query, console: Console) -> None:
     if grounding.choice is None:
         console.print("nothing in this map fits well")
     console.print(f"confidence {grounding.confidence:.2f}; metres in the frame that the map was built in")
-
-
-def run_scenes(command: Scenes, console: Console) -> None:
-    """``openmap scenes``: what a scene holds."""
-    from openmap_eval.contact_sheet import contact_sheet
-    from openmap_eval.pictures import write_png
-    from openmap_scenes import load_scene
-
-    scene = load_scene(command.scene)
-    low, high = scene.aabb
-    table = Table(
-        title=f"{scene.name}: {len(scene.faces)} faces, {len(scene.materials)} materials", title_justify="left"
-    )
-    for name in ("room", "things"):
-        table.add_column(name, overflow="fold")
-    for room in scene.rooms:
-        names = [i.category for i in scene.instances if i.room == room.id]
-        counted = {name: names.count(name) for name in sorted(set(names))}
-        table.add_row(room.name, ", ".join(n if c == 1 else f"{n} × {c}" for n, c in counted.items()))
-    console.print(table)
-    console.print(f"{len(scene.instances)} instances; {' × '.join(f'{x:.1f}' for x in high - low)} m (x, y, z)")
-    if command.out:
-        write_png(command.out, contact_sheet(scene))
-        console.print(f"written: {command.out}", soft_wrap=True)

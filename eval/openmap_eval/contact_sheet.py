@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
+import numpy.typing as npt
 
 from openmap_env.navigation import NavigableSurface
 from openmap_env.rendering import make_renderer
@@ -14,6 +16,8 @@ from openmap_eval.pictures import Picture, draw_names
 from openmap_scenes import PinholeCamera, Scene
 
 VIEWS, COLUMNS = 6, 3
+TRIED = 160
+HALF_UP = np.array([0.0, 0.5, 0.0])
 VIEW = (480, 360)
 CUT = 1.9
 """The plan shows what lies below this height above the lowest point, m."""
@@ -23,17 +27,78 @@ STRUCTURE = ("wall", "floor", "ceiling", "window", "door", "unlabelled")
 
 
 def contact_sheet(scene: Scene, seed: int = 0) -> Picture:
-    """Six views from random places where a body can stand, and the plan under them."""
-    rng = np.random.default_rng(seed)
-    surface = NavigableSurface.from_scene(scene)
-    simulator = Simulator(scene, PinholeCamera.from_hfov(*VIEW, 90.0), surface=surface)
-    views = []
-    for _ in range(VIEWS):
-        simulator.reset(surface.random_point(rng), float(rng.uniform(-math.pi, math.pi)))
-        views.append(simulator.observe().rgb)
-    simulator.close()
+    """Six views from places where a body can stand, chosen for how much they show, and the plan under them."""
+    simulator = Simulator(scene, PinholeCamera.from_hfov(*VIEW, 90.0))
+    try:
+        poses = telling_poses(scene, simulator.surface, VIEWS, np.random.default_rng(seed))
+        views = []
+        for position, heading in poses:
+            simulator.reset(position, heading, math.radians(-8.0))
+            view = simulator.observe().rgb.copy()
+            room = scene.room_of(position + HALF_UP)
+            if room is not None:
+                draw_names(view, [(8 + 4 * len(room.name), VIEW[1] - 12, room.name)])
+            views.append(view)
+    finally:
+        simulator.close()
     rows = [np.hstack(views[i : i + COLUMNS]) for i in range(0, VIEWS, COLUMNS)]
     return np.vstack([*rows, plan_picture(scene, COLUMNS * VIEW[0])])
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """A pose, its room (-1: none), what each thing in its view is worth (0..1), and how open the view is (0..1)."""
+
+    position: npt.NDArray[np.float64]
+    heading: float
+    room: int
+    worth: dict[int, float]
+    openness: float
+
+
+def _gain(candidate: _Candidate, known: dict[int, float], rooms: dict[int, int]) -> float:
+    """What a view adds to those chosen already."""
+    new = sum(max(0.0, w - known.get(i, 0.0)) for i, w in candidate.worth.items() if i)
+    return float(candidate.openness * (0.5 + new) * 0.4 ** rooms.get(candidate.room, 0))
+
+
+def telling_poses(
+    scene: Scene, surface: NavigableSurface, count: int, rng: np.random.Generator
+) -> list[tuple[npt.NDArray[np.float64], float]]:
+    """Places (3,) m and headings (radians) that show many things from a good distance, in as many rooms as there are.
+
+    Random poses are rendered small; a thing counts once over all chosen views, and a room that was shown counts for less.
+    """
+    camera = PinholeCamera.from_hfov(120, 90, 90.0)
+    look = Simulator(scene, camera, surface=surface)
+    seen: list[_Candidate] = []
+    try:
+        for _ in range(TRIED):
+            position, heading = surface.random_point(rng), float(rng.uniform(-math.pi, math.pi))
+            look.reset(position, heading, math.radians(-8.0))
+            frame = look.observe()
+            ids, pixels = np.unique(frame.instance, return_counts=True)
+            # A thing is worth the more the larger it is, up to 2 % of the picture.
+            worth = {
+                int(i): min(1.0, n / (0.02 * camera.width * camera.height)) for i, n in zip(ids, pixels, strict=True)
+            }
+            depth = frame.depth[frame.depth > 0]
+            open_view = min(1.0, float(np.median(depth)) / 2.0) if len(depth) else 0.0
+            room = scene.room_of(position + HALF_UP)
+            seen.append(_Candidate(position, heading, room.id if room else -1, worth, open_view))
+    finally:
+        look.close()
+    chosen: list[tuple[npt.NDArray[np.float64], float]] = []
+    known: dict[int, float] = {}
+    rooms: dict[int, int] = {}
+    for _ in range(count):
+        gains = [_gain(candidate, known, rooms) for candidate in seen]
+        best = seen[int(np.argmax(gains))]
+        chosen.append((best.position, best.heading))
+        rooms[best.room] = rooms.get(best.room, 0) + 1
+        for i, w in best.worth.items():
+            known[i] = max(known.get(i, 0.0), w)
+    return chosen
 
 
 def plan_picture(scene: Scene, width: int) -> Picture:
