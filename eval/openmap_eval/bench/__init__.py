@@ -10,9 +10,14 @@ from typing import Annotated
 
 import tyro
 
+from openmap_eval.bench.homes import Homes
 from openmap_eval.bench.loading import Loading
 from openmap_eval.bench.machine import Machine
 
-Benchmark = Annotated[Loading, tyro.conf.subcommand("loading")] | Annotated[Machine, tyro.conf.subcommand("machine")]
+Benchmark = (
+    Annotated[Homes, tyro.conf.subcommand("homes")]
+    | Annotated[Loading, tyro.conf.subcommand("loading")]
+    | Annotated[Machine, tyro.conf.subcommand("machine")]
+)
 
-__all__ = ["Benchmark", "Loading", "Machine"]
+__all__ = ["Benchmark", "Homes", "Loading", "Machine"]
