@@ -1,15 +1,16 @@
-"""The PLY reader against plyfile, on every way to write the same mesh, and on damaged files."""
+"""The PLY reader on every way to write the same mesh, and on damaged files."""
 
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 import pytest
 from fuzzing import hold_to_data_error
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from plyfile import PlyData, PlyElement
 
 from openmap_scenes import DataError
 from openmap_scenes.formats.ply import read_ply
@@ -17,24 +18,31 @@ from openmap_scenes.formats.ply import read_ply
 FORMATS = ["ascii", "<", ">"]
 
 
-def polygon_mesh(polygons: list[list[int]], n: int, order: str) -> PlyData:
-    """A PLY of random vertices and the given polygons, each with its row as object_id, written by plyfile."""
+def write_polygons(path: Path, polygons: list[list[int]], n: int, order: str) -> npt.NDArray[np.float64]:
+    """Write n random vertices, an element nobody asks for, and the polygons, each with its row - 1 as object_id.
+
+    Returns the vertices (n, 7): coordinates, colours, alpha. plyfile is not used, since it writes big-endian rows with lists
+    in the machine's order.
+    """
     rng = np.random.default_rng(n)
-    vertex = np.zeros(n, [(c, "f4") for c in "xyz"] + [(c, "u1") for c in ("red", "green", "blue", "alpha")])
-    for name in vertex.dtype.names:
-        vertex[name] = rng.integers(0, 256, n) / (1 if vertex.dtype[name] == "u1" else 7)
-    # plyfile writes the numbers of a row that has a list as they lie in memory, so they must lie in the file's order.
-    face = np.zeros(len(polygons), [("vertex_indices", "O"), ("object_id", ">i4" if order == ">" else "i4")])
-    for row, corners in enumerate(polygons):
-        face["vertex_indices"][row] = np.array(corners, np.int32)
-    face["object_id"] = np.arange(len(polygons)) - 1
-    camera = np.zeros(1, [("lens", "f8"), ("views", "O")])
-    camera["views"][0] = np.array([1, 2, 3], np.int16)
-    elements = [PlyElement.describe(vertex, "vertex"), PlyElement.describe(camera, "camera", val_types={"views": "i2"})]
-    elements.append(
-        PlyElement.describe(face, "face", val_types={"vertex_indices": "i4"}, len_types={"vertex_indices": "u1"})
+    vertices = np.concatenate([rng.integers(-99, 99, (n, 3)) / 8, rng.integers(0, 256, (n, 4))], axis=1)
+    rows: list[tuple[str, list[float]]] = [("3f4B", [*v[:3].tolist(), *map(int, v[3:])]) for v in vertices]
+    rows.append(("dBHHH", [0.5, 3, 7, 8, 9]))
+    rows += [(f"B{len(p)}ii", [len(p), *p, row - 1]) for row, p in enumerate(polygons)]
+    names = {"ascii": "ascii", "<": "binary_little_endian", ">": "binary_big_endian"}
+    head = f"ply\nformat {names[order]} 1.0\ncomment ours\nelement vertex {n}\n"
+    head += "".join(f"property float {c}\n" for c in "xyz")
+    head += "".join(f"property uchar {c}\n" for c in ("red", "green", "blue", "alpha"))
+    head += "element camera 1\nproperty double lens\nproperty list uchar ushort views\n"
+    head += (
+        f"element face {len(polygons)}\nproperty list uchar int vertex_indices\nproperty int object_id\nend_header\n"
     )
-    return PlyData(elements, text=order == "ascii", byte_order="=" if order == "ascii" else order)
+    if order == "ascii":
+        body = "".join(" ".join(f"{value:g}" for value in values) + "\n" for _, values in rows).encode()
+    else:
+        body = b"".join(struct.pack(order + layout, *values) for layout, values in rows)
+    path.write_bytes(head.encode() + body)
+    return vertices
 
 
 @pytest.mark.parametrize("order", FORMATS)
@@ -46,17 +54,15 @@ def test_every_format_gives_what_the_polygons_say(
     sizes = data.draw(st.one_of(st.lists(st.integers(3, 6), max_size=12), st.lists(st.just(4), max_size=5)))
     polygons = [data.draw(st.lists(st.integers(0, 8), min_size=s, max_size=s)) for s in sizes]
     path = tmp_path_factory.mktemp("ply") / "mesh.ply"
-    written = polygon_mesh(polygons, 9, order)
-    written.write(str(path))
+    vertices = write_polygons(path, polygons, 9, order)
     mesh = read_ply(path, vertex_properties=["alpha"], face_properties=["object_id"])
     fans = [(row, [p[0], p[k], p[k + 1]]) for row, p in enumerate(polygons) for k in range(1, len(p) - 1)]
     assert mesh.faces.tolist() == [corners for _, corners in fans]
     assert mesh.polygon.tolist() == [row for row, _ in fans]
     assert mesh.face_properties["object_id"].tolist() == [row - 1 for row, _ in fans]
-    vertex = PlyData.read(str(path))["vertex"]
-    np.testing.assert_array_equal(mesh.vertices, np.stack([vertex[c] for c in "xyz"], 1).astype(np.float64))
-    np.testing.assert_array_equal(mesh.vertex_colour, np.stack([vertex[c] for c in ("red", "green", "blue")], 1))
-    np.testing.assert_array_equal(mesh.vertex_properties["alpha"], vertex["alpha"])
+    np.testing.assert_array_equal(mesh.vertices, vertices[:, :3])
+    np.testing.assert_array_equal(mesh.vertex_colour, vertices[:, 3:6])
+    np.testing.assert_array_equal(mesh.vertex_properties["alpha"], vertices[:, 6])
 
 
 def test_a_split_quad_keeps_its_orientation(tmp_path: Path):
@@ -120,7 +126,7 @@ def test_missing_files_and_properties_are_named(tmp_path: Path):
     with pytest.raises(DataError, match="no such file"):
         read_ply(tmp_path / "none.ply")
     path = tmp_path / "mesh.ply"
-    polygon_mesh([[0, 1, 2]], 3, "<").write(str(path))
+    write_polygons(path, [[0, 1, 2]], 3, "<")
     with pytest.raises(DataError, match="no face property label"):
         read_ply(path, face_properties=["label"])
 
@@ -131,7 +137,7 @@ def test_fuzz_only_data_errors(tmp_path: Path, order: str):
     healthy.mkdir()
     for name, sizes in (("even.ply", [4] * 12), ("mixed.ply", [3, 4, 4, 3, 5] * 3)):
         rng = np.random.default_rng(1)
-        polygon_mesh([rng.integers(0, 20, s).tolist() for s in sizes], 20, order).write(str(healthy / name))
+        write_polygons(healthy / name, [rng.integers(0, 20, s).tolist() for s in sizes], 20, order)
 
     def read(folder: Path) -> None:
         for name in ("even.ply", "mixed.ply"):
