@@ -15,15 +15,15 @@ UNLABELLED = "unlabelled"
 
 
 def clean_category(name: str) -> str:
-    """A source's name as ``Instance.category`` holds it: lower case, single blanks, no blanks around ("Coffee  Table " -> "coffee table").
+    """A source's name as ``Instance.category`` holds it: lower case, single blanks ("Coffee  Table " -> "coffee table").
 
-    An underscore, and the ``#`` that Matterport3D writes, are blanks; a name without anything left is "unlabelled".
+    The underscore, and the ``#`` that Matterport3D writes, are blanks; a name with nothing left is "unlabelled".
     """
     return " ".join(name.replace("#", " ").replace("_", " ").lower().split()) or UNLABELLED
 
 
 def make_instance(
-    id: int,  # noqa: A002 - it is the field's name
+    id: int,
     category: str,
     low: npt.ArrayLike,
     high: npt.ArrayLike,
