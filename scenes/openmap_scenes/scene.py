@@ -144,7 +144,7 @@ class Scene:
                 raise DataError(where, f"{name} of shape {array.shape}", f"{shape}")
         if n_faces == 0:
             raise DataError(where, "a mesh without faces", "at least one triangle")
-        if not np.isfinite(self.vertices).all():
+        if not _all_finite(self.vertices):
             raise DataError(where, "vertices that are not finite", "finite coordinates in metres")
         for name, array, upper in (
             ("faces", self.faces, n_vertices),
@@ -152,11 +152,9 @@ class Scene:
         ):
             if array.min() < 0 or array.max() >= upper:
                 raise DataError(where, f"{name} from {array.min()} to {array.max()}", f"0..{upper - 1}")
-        missing = set(np.unique(self.face_instance).tolist()) - {0} - {i.id for i in self.instances}
+        missing = _unlisted(self.face_instance, {i.id for i in self.instances})
         if missing:
-            raise DataError(
-                where, f"faces of instances {sorted(missing)[:5]}", "only ids that the instance table lists"
-            )
+            raise DataError(where, f"faces of instances {missing[:5]}", "only ids that the instance table lists")
 
     @property
     def aabb(self) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
@@ -192,6 +190,25 @@ class Scene:
         """The smallest room whose box holds a world position (3,) m, or None."""
         holding = [room for room in self.rooms if room.contains(position)]
         return min(holding, key=lambda room: float(np.prod(room.aabb_max - room.aabb_min)), default=None)
+
+
+# Checks look at a block of rows at a time: what they need besides is little, however large and memory-mapped the scene.
+_BLOCK = 1 << 16
+
+
+def _all_finite(array: npt.NDArray[np.floating]) -> bool:
+    return all(bool(np.isfinite(array[k : k + _BLOCK]).all()) for k in range(0, len(array), _BLOCK))
+
+
+def _unlisted(face_instance: npt.NDArray[np.integer], listed: set[int]) -> list[int]:
+    """The ids of faces, ascending, that are neither 0 nor listed."""
+    low, high = int(face_instance.min()), int(face_instance.max())
+    if low >= 0 and high < max(len(face_instance), 1 << 20):
+        known = np.zeros(high + 1, np.bool_)
+        known[[0, *(i for i in listed if 0 < i <= high)]] = True
+        if all(bool(known[face_instance[k : k + _BLOCK]].all()) for k in range(0, len(face_instance), _BLOCK)):
+            return []
+    return sorted(set(np.unique(face_instance).tolist()) - {0} - listed)
 
 
 def instance_boxes(
