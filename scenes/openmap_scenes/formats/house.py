@@ -20,14 +20,18 @@ ROOM_NAMES = {
     "C": "classroom", "D": "dining booth", "S": "spa", "Z": "junk", "-": "no label",
 }  # fmt: skip
 
+# Fields of the H line that announce how many records follow.
+COUNTS = {"objects": 8, "categories": 9, "regions": 10, "levels": 12}
+
 
 @dataclass(frozen=True)
 class HouseRoom:
-    """Region record; corners (x, y, z) m in the raw frame."""
+    """Region record; corners (x, y, z) m in the raw frame; ``level`` is None where the file says -1."""
 
     name: str
     low: tuple[float, float, float]
     high: tuple[float, float, float]
+    level: int | None
 
 
 @dataclass(frozen=True)
@@ -48,9 +52,13 @@ class HouseObject:
 
 @dataclass(frozen=True)
 class House:
+    """A scan's tables by index; ``levels`` are the heights (m) of the storeys, ``segments`` pairs (segment id, object)."""
+
     rooms: dict[int, HouseRoom]
     categories: dict[int, HouseCategory]
     objects: dict[int, HouseObject]
+    levels: dict[int, float]
+    segments: list[tuple[int, int]]
 
 
 def read_house(path: Path) -> House:
@@ -66,16 +74,17 @@ def read_house(path: Path) -> House:
     lines = path.read_text(encoding="utf-8", errors="replace").splitlines()
     if not lines or not lines[0].startswith("ASCII"):
         raise DataError(path, f"first line {lines[0][:40]!r}" if lines else "an empty file", "'ASCII 1.1'")
-    announced = _parse(
-        path, lines, "H", lambda f: (0, {"objects": int(f[8]), "categories": int(f[9]), "regions": int(f[10])})
-    )
+    announced = _parse(path, lines, "H", lambda f: (0, {plural: int(f[at]) for plural, at in COUNTS.items()}))
     rooms = _parse(path, lines, "R", _room)
     categories = _parse(path, lines, "C", lambda f: (int(f[1]), HouseCategory(f[3].replace("#", " ").lower(), f[5])))
     objects = _parse(path, lines, "O", lambda f: (int(f[1]), HouseObject(_index(f[2]), _index(f[3]))))
+    levels = _parse(path, lines, "L", lambda f: (int(f[1]), _finite(f[6])))
+    segments = _parse(path, lines, "E", lambda f: (int(f[1]), (int(f[3]), int(f[2]))))
     if 0 not in announced:
         raise DataError(path, "no H line", "a header that announces how many records follow")
-    _check_references(path, House(rooms, categories, objects), announced[0])
-    return House(rooms, categories, objects)
+    house = House(rooms, categories, objects, levels, list(segments.values()))
+    _check_references(path, house, announced[0])
+    return house
 
 
 Record = TypeVar("Record")
@@ -102,10 +111,17 @@ def _parse(
 
 
 def _room(fields: list[str]) -> tuple[int, HouseRoom]:
-    low, high = tuple(map(float, fields[9:12])), tuple(map(float, fields[12:15]))
+    low, high = tuple(map(_finite, fields[9:12])), tuple(map(_finite, fields[12:15]))
     if len(low) != 3 or len(high) != 3:
         raise ValueError("a box of six numbers is missing")
-    return int(fields[1]), HouseRoom(ROOM_NAMES.get(fields[5], "other room"), low, high)
+    return int(fields[1]), HouseRoom(ROOM_NAMES.get(fields[5], "other room"), low, high, _index(fields[2]))
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not abs(value) <= 1e6:
+        raise ValueError(f"a coordinate of {value} m")
+    return value
 
 
 def _index(text: str) -> int | None:
@@ -125,7 +141,20 @@ def _check_references(path: Path, house: House, announced: dict[str, int]) -> No
                     f"object {index} in {what} {reference}, which is not in the file",
                     f"a record for each of the {announced[plural]} {plural} announced, {len(table)} are there",
                 )
-    counts = {"objects": len(house.objects), "categories": len(house.categories), "regions": len(house.rooms)}
+    for index, room in sorted(house.rooms.items()):
+        if room.level is not None and room.level not in house.levels:
+            found = f"region {index} on level {room.level}, which is not in the file"
+            raise DataError(path, found, f"a record for each of the {announced['levels']} levels announced")
+    for segment, item_index in house.segments:
+        if item_index >= 0 and item_index not in house.objects:
+            found = f"segment {segment} of object {item_index}, which is not in the file"
+            raise DataError(path, found, f"a record for each of the {announced['objects']} objects announced")
+    counts = {
+        "objects": len(house.objects),
+        "categories": len(house.categories),
+        "regions": len(house.rooms),
+        "levels": len(house.levels),
+    }
     for plural, count in counts.items():
         if count != announced[plural]:
             raise DataError(path, f"{count} {plural}", f"the {announced[plural]} that its H line announces")
