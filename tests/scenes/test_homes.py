@@ -22,7 +22,7 @@ from openmap_scenes.homes.rays import RayCaster
 from openmap_scenes.scene import Instance
 
 SPECS = ("val/0", "test/1")
-STRUCTURE = {"wall", "floor", "ceiling", "window", "door frame", "front door"}
+STRUCTURE = {"wall", "floor", "ceiling", "window", "door", "door frame", "front door", "balcony door"}
 
 needs_library = pytest.mark.skipif(
     not list(furniture_folder().glob("*.sh3f")),

@@ -15,7 +15,7 @@ from openmap_scenes.homes.kinds import SPLITS, mpcat40
 from openmap_scenes.homes.light import DAY, LAMP, SKY, WARM, Light, bake
 from openmap_scenes.homes.models import Model
 from openmap_scenes.homes.placement import BODY_HEIGHT, BODY_RADIUS, CELL, Item, RoomSpace
-from openmap_scenes.homes.plan import CEILING, WALL, Plan, make_plan
+from openmap_scenes.homes.plan import WALL, Plan, make_plan
 from openmap_scenes.homes.shell import Piece, build_shell
 from openmap_scenes.homes.stock import Stock
 from openmap_scenes.scene import Instance, Material, Room, Scene, instance_boxes
@@ -87,10 +87,10 @@ def rooms_connected(plan: Plan, items: list[Item]) -> bool:
         if o.kind == "door":
             z = o.zone(CELL)
             solid[cells(z.x0, z.z0, z.x1, z.z1)] = False
-    for item in items:
-        if item.low[1] < BODY_HEIGHT and item.high[1] > 0.03:
-            f = item.footprint
-            solid[cells(f.x0, f.z0, f.x1, f.z1)] = True
+    blocks = [leaf.footprint for leaf in plan.leaves]
+    blocks += [item.footprint for item in items if item.low[1] < BODY_HEIGHT and item.high[1] > 0.03]
+    for f in blocks:
+        solid[cells(f.x0, f.z0, f.x1, f.z1)] = True
     n = round(BODY_RADIUS / CELL)
     disc = np.hypot(*np.mgrid[-n : n + 1, -n : n + 1]) <= n + 1e-6
     areas, _ = label(~binary_dilation(solid, disc, border_value=1))
@@ -120,7 +120,7 @@ def _assemble(name: str, source: str, plan: Plan, shell: list[Piece], items: lis
     may_hide = np.repeat(loose, [len(p[1]) for p in parts])
     points = _samples(plan, shell, vertices)
     colour = bake(points, normals, vertices, faces[casts], _lights(plan, items), may_hide)
-    glows = np.array([p.kind == "window" for p in shell] + [i.thing.kind in LAMPS for i in items])
+    glows = np.array([p.kind in ("window", "balcony door") for p in shell] + [i.thing.kind in LAMPS for i in items])
     shines = np.repeat(glows, [len(p[1]) for p in parts])
     colour[shines] = np.maximum(colour[shines], 225)
     boxes = instance_boxes(vertices, faces, face_instance)
@@ -141,7 +141,7 @@ def _assemble(name: str, source: str, plan: Plan, shell: list[Piece], items: lis
     rooms = []
     for room, room_name in enumerate(plan.names):
         r = plan.inner(room)
-        rooms.append(Room(room + 1, room_name, np.array([r.x0, 0.0, r.z0]), np.array([r.x1, CEILING, r.z1])))
+        rooms.append(Room(room + 1, room_name, np.array([r.x0, 0.0, r.z0]), np.array([r.x1, plan.ceiling, r.z1])))
     return Scene(
         name=name,
         vertices=vertices,
@@ -166,7 +166,7 @@ def _samples(plan: Plan, shell: list[Piece], vertices: npt.NDArray[np.float32]) 
         start += len(own)
         r = plan.inner(piece.room)
         if piece.kind in ("floor", "wall", "ceiling"):
-            low, high = np.array([r.x0, 0.0, r.z0]), np.array([r.x1, CEILING, r.z1])
+            low, high = np.array([r.x0, 0.0, r.z0]), np.array([r.x1, plan.ceiling, r.z1])
             inside = np.all((own > low - 1e-3) & (own < high + 1e-3), axis=1)
             own[inside] = np.clip(own[inside], low + 0.07, high - 0.07)
     return points
@@ -190,7 +190,7 @@ def _lights(plan: Plan, items: list[Item]) -> list[Light]:
     """Windows shine inwards from a few points each; every room has a lamp under its ceiling."""
     lights = []
     for o in plan.openings:
-        if o.kind != "window":
+        if not o.glazed:
             continue
         rect = plan.inner(o.rooms[0])
         inward = 1.0 if (rect.z0 if o.axis == "x" else rect.x0) > o.at - WALL else -1.0
@@ -204,7 +204,7 @@ def _lights(plan: Plan, items: list[Item]) -> list[Light]:
         r = plan.inner(room)
         x, z, s = (r.x0 + r.x1) / 2, (r.z0 + r.z1) / 2, 0.35
         lamps = [i for i in items if i.room == room and i.thing.kind in LAMPS[:2]]
-        y = min([float(i.low[1]) for i in lamps], default=CEILING) - 0.08
+        y = min([float(i.low[1]) for i in lamps], default=plan.ceiling) - 0.08
         points = np.array([[x - s, y, z - s], [x + s, y, z - s], [x, y, z + s]])
         lights.append(Light(points, None, LAMP * (r.width * r.depth / 12.0) ** 0.5, WARM))
     return lights

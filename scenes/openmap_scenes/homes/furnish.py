@@ -78,7 +78,7 @@ def _living(f: Furnisher) -> None:
         f.wall("bookcase", "shelves", "cupboard", "cabinet")
     board = f.wall("sideboard", "chest of drawers", "dresser", "shelves", "aquarium")
     f.tops(board, (*SIDEBOARD, *SMALL_PLANTS), 3)
-    if space.rect.width * space.rect.depth > 22 or "dining room" not in space.plan.names:
+    if space.rect.width * space.rect.depth > 22 or "dining room" not in space.plan.kinds:
         dining_group(f, most=4)
     f.wall("fireplace", "piano", "trunk", "recliner", "bench")
     f.wall("armchair", "bean bag", corner=True)
@@ -248,7 +248,7 @@ def _hall(f: Furnisher) -> None:
 
 def _kitchen(f: Furnisher) -> None:
     furnish_kitchen(f.space, f.stock)
-    if f.space.rect.width * f.space.rect.depth > 9 and "dining room" not in f.space.plan.names:
+    if f.space.rect.width * f.space.rect.depth > 9 and "dining room" not in f.space.plan.kinds:
         dining_group(f, most=4)
     else:
         island = f.stock.get("kitchen island", "bar table", "round table")
@@ -262,6 +262,20 @@ def _kitchen(f: Furnisher) -> None:
     f.pictures(1)
 
 
+def _studio(f: Furnisher) -> None:
+    furnish_kitchen(f.space, f.stock)
+    _bedroom(f)
+    _living(f)
+
+
+def _laundry(f: Furnisher) -> None:
+    machine = f.wall("washing machine", "dryer")
+    f.tops(machine, ("folded clothes", "towel", "bottle", "soap dispenser"), 2)
+    f.wall("dryer", "shelves", "cupboard")
+    f.wall("shelves", "cupboard", width=1.0)
+    f.wall("laundry basket", "broom", "stool", corner=True)
+
+
 RULES: dict[str, Callable[[Furnisher], None]] = {
     "living room": _living,
     "kitchen": _kitchen,
@@ -271,4 +285,6 @@ RULES: dict[str, Callable[[Furnisher], None]] = {
     "hall": _hall,
     "office": _office,
     "dining room": _dining,
+    "studio": _studio,
+    "laundry room": _laundry,
 }

@@ -8,7 +8,7 @@ import numpy as np
 
 from openmap_scenes.homes import primitives
 from openmap_scenes.homes.placement import Item, RoomSpace, Thing
-from openmap_scenes.homes.plan import CEILING, Side
+from openmap_scenes.homes.plan import Side
 from openmap_scenes.homes.stock import Stock, own
 
 
@@ -64,7 +64,7 @@ class Furnisher:
             along = float(middle[0 if side.axis == "x" else 2])
             thing = own("picture", primitives.picture(self.rng))
             base = max(1.3, float(over.high[1]) + 0.15)
-            if base + thing.model.size[1] < CEILING - 0.2:
+            if base + thing.model.size[1] < self.space.plan.ceiling - 0.2:
                 self.space.hang(thing, base, side, [along, along + 0.3, along - 0.3])
         for side in sides[:count]:
             spots = self.rng.uniform(side.start + 0.3, side.end - 0.3, 4).tolist()
@@ -77,7 +77,7 @@ class Furnisher:
         thing = self.stock.get("ceiling lamp", "ceiling fan", width=1.2) if self.rng.random() < 0.4 else None
         thing = thing or own("ceiling lamp", primitives.ceiling_lamp(self.rng))
         r = self.space.rect
-        y = CEILING - float(thing.model.size[1]) - 0.001
+        y = self.space.plan.ceiling - float(thing.model.size[1]) - 0.001
         middle = np.array([(r.x0 + r.x1) / 2, y, (r.z0 + r.z1) / 2])
         self.space.put(Item(thing, middle, 0.0, self.space.room))
 

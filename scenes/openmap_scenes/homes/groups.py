@@ -7,7 +7,6 @@ import numpy as np
 from openmap_scenes.homes import primitives
 from openmap_scenes.homes.furnisher import Furnisher, wall_behind
 from openmap_scenes.homes.placement import Item, Thing
-from openmap_scenes.homes.plan import CEILING
 from openmap_scenes.homes.stock import own
 
 COFFEE_TABLE = (
@@ -103,7 +102,8 @@ def dining_group(f: Furnisher, most: int) -> Item | None:
     lamp = stock.get("pendant lamp")
     if lamp is not None and rng.random() < 0.8:
         middle = (table.low + table.high) / 2
-        space.put(Item(lamp, np.array([middle[0], CEILING - lamp.model.size[1] - 0.001, middle[2]]), 0.0, space.room))
+        y = space.plan.ceiling - float(lamp.model.size[1]) - 0.001
+        space.put(Item(lamp, np.array([middle[0], y, middle[2]]), 0.0, space.room))
     return table
 
 

@@ -53,7 +53,7 @@ _MPCAT40 = {
     "floor": "floor",
     "ceiling": "ceiling",
     "window": "window",
-    "door": "door frame|front door",
+    "door": "door|door frame|front door|balcony door",
     "misc": "rug|round rug|bath mat|doormat",
 }
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from scipy.ndimage import label
 
 from openmap_scenes.homes.models import Model
-from openmap_scenes.homes.plan import CEILING, CLEARANCE, Opening, Plan, Rect, Side
+from openmap_scenes.homes.plan import CLEARANCE, DOOR_HEIGHT, Opening, Plan, Rect, Side
 from openmap_scenes.homes.rays import RayCaster
 
 CELL = 0.05
@@ -97,10 +97,11 @@ class RoomSpace:
 
     def __init__(self, plan: Plan, room: int, rng: np.random.Generator) -> None:
         self.plan, self.room, self.rng = plan, room, rng
-        self.name, self.rect, self.sides = plan.names[room], plan.inner(room), plan.sides(room)
+        self.name, self.rect, self.sides = plan.kinds[room], plan.inner(room), plan.sides(room)
         self.items: list[Item] = []
         self.doors = [o for o in plan.openings if room in o.rooms and o.kind != "window"]
         self.zones = [o.zone(CLEARANCE) for o in self.doors]
+        self.leaves = [leaf.footprint for leaf in plan.leaves if leaf.room == room]
         self._x = np.arange(self.rect.x0 + CELL / 2, self.rect.x1, CELL)
         self._z = np.arange(self.rect.z0 + CELL / 2, self.rect.z1, CELL)
 
@@ -122,13 +123,15 @@ class RoomSpace:
                 return None
             self.items.append(item)
             return item
-        if not self._inside(item) or high[1] > CEILING + 1e-6:
+        if not self._inside(item) or high[1] > self.plan.ceiling + 1e-6:
             return None
         for other in self.items:
             if other is support or self._flat(other):
                 continue
             if np.all(np.minimum(high, other.high) - np.maximum(low, other.low) > 0.003):
                 return None
+        if low[1] < DOOR_HEIGHT and any(item.footprint.overlaps(leaf) for leaf in self.leaves):
+            return None
         if low[1] < BODY_HEIGHT and support is None:
             if any(item.footprint.overlaps(zone) for zone in self.zones):
                 return None
@@ -277,6 +280,8 @@ class RoomSpace:
         for item in items:
             if item.low[1] < BODY_HEIGHT and item.high[1] > 0.03:
                 free[self._block(item.footprint, KEEP_FREE)] = False
+        for leaf in self.leaves:
+            free[self._block(leaf, KEEP_FREE)] = False
         areas, _ = label(free)
         marks = set()
         for opening in self.doors:

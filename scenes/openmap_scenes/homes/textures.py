@@ -26,7 +26,8 @@ ACCENTS: tuple[Colour, ...] = (
 )  # fmt: skip
 
 
-def _image(values: npt.NDArray[np.floating]) -> Image:
+def to_image(values: npt.NDArray[np.floating]) -> Image:
+    """Colours (h, w, 3) in 0..1 as a picture."""
     return np.asarray(np.round(np.clip(values, 0.0, 1.0) * 255.0), np.uint8)
 
 
@@ -56,7 +57,7 @@ def wood_planks(rng: np.random.Generator, size: int = 256, rows: int = 8) -> Ima
         tone[band, second] += rng.normal(0, 0.045)
         tone[band, [cut, (cut + size // 2) % size]] -= 0.16
         tone[row * height] -= 0.14
-    return _image(base * (1.0 + (grain + tone)[..., None] * 1.4))
+    return to_image(base * (1.0 + (grain + tone)[..., None] * 1.4))
 
 
 def tiles(rng: np.random.Generator, size: int = 256, count: int = 4) -> Image:
@@ -66,26 +67,26 @@ def tiles(rng: np.random.Generator, size: int = 256, count: int = 4) -> Image:
     shade = np.repeat(np.repeat(rng.normal(0, 0.025, (count, count)), edge, 0), edge, 1)
     shade = shade + 0.012 * noise(rng, (size, size), 3.0)
     joint = (np.arange(size) % edge < 2)[:, None] | (np.arange(size) % edge < 2)[None, :]
-    return _image(np.where(joint[..., None], base * 0.72, base * (1.0 + shade[..., None])))
+    return to_image(np.where(joint[..., None], base * 0.72, base * (1.0 + shade[..., None])))
 
 
 def carpet(rng: np.random.Generator, size: int = 256) -> Image:
     """Short pile: fine noise over large soft spots."""
     shade = 0.07 * noise(rng, (size, size), 0.8) + 0.025 * noise(rng, (size, size), 14.0)
-    return _image(pick(rng, CARPETS) * (1.0 + shade[..., None]))
+    return to_image(pick(rng, CARPETS) * (1.0 + shade[..., None]))
 
 
 def plaster(rng: np.random.Generator, size: int = 256) -> Image:
     """Painted wall."""
     shade = 0.008 * noise(rng, (size, size), 1.0) + 0.014 * noise(rng, (size, size), 20.0)
-    return _image(pick(rng, WALLS) * (1.0 + shade[..., None]))
+    return to_image(pick(rng, WALLS) * (1.0 + shade[..., None]))
 
 
 def wallpaper(rng: np.random.Generator, size: int = 256) -> Image:
     """Soft vertical stripes."""
     base, u = pick(rng, WALLS), np.arange(size)
     stripes = 0.04 * np.sign(np.sin(2 * np.pi * u * int(rng.integers(4, 9)) / size + 0.01))
-    return _image(base * (1.0 + stripes[None, :, None] + 0.012 * noise(rng, (size, size), 1.5)[..., None]))
+    return to_image(base * (1.0 + stripes[None, :, None] + 0.012 * noise(rng, (size, size), 1.5)[..., None]))
 
 
 def rug(rng: np.random.Generator, size: int = 192) -> Image:
@@ -102,7 +103,7 @@ def rug(rng: np.random.Generator, size: int = 192) -> Image:
         inside = (np.hypot(u - 0.5, v - 0.5) * n * 2) % 2 < 1
     rgb = np.where(inside[..., None], b, a)
     rgb = np.where(((edge > 0.03) & (edge < 0.07))[..., None], c, np.where((edge <= 0.03)[..., None], b, rgb))
-    return _image(rgb * (1.0 + 0.06 * noise(rng, (size, size), 0.8)[..., None]))
+    return to_image(rgb * (1.0 + 0.06 * noise(rng, (size, size), 0.8)[..., None]))
 
 
 def painting(rng: np.random.Generator, size: int = 160) -> Image:
@@ -126,7 +127,7 @@ def painting(rng: np.random.Generator, size: int = 160) -> Image:
         for _ in range(5):
             blot = noise(rng, (size, size), float(rng.uniform(10, 26)))
             rgb = np.where((blot > 1.0)[..., None], pick(rng, ACCENTS), rgb)
-    return _image(rgb * (1.0 + 0.03 * noise(rng, (size, size), 1.0)[..., None]))
+    return to_image(rgb * (1.0 + 0.03 * noise(rng, (size, size), 1.0)[..., None]))
 
 
 def outdoors(rng: np.random.Generator, size: int = 128) -> Image:
@@ -138,4 +139,4 @@ def outdoors(rng: np.random.Generator, size: int = 128) -> Image:
     trees = 0.62 + 0.03 * noise(rng, (1, size), (0, 4.0))
     leaves = np.array([0.50, 0.60, 0.44]) * (1 + 0.12 * noise(rng, (size, size), 1.5)[..., None])
     rgb = np.where((v > trees)[..., None], leaves, rgb)
-    return _image(np.where((v > 0.82)[..., None] & np.ones((1, size, 1), bool), np.array([0.62, 0.72, 0.50]), rgb))
+    return to_image(np.where((v > 0.82)[..., None] & np.ones((1, size, 1), bool), np.array([0.62, 0.72, 0.50]), rgb))
