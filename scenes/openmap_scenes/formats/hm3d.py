@@ -8,6 +8,7 @@ rooms: it gives each object the number of its region.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from glob import escape
 from pathlib import Path
 
 import numpy as np
@@ -134,7 +135,7 @@ def _scene_of_folder(folder: Path) -> str:
 
 
 def _find(folder: Path, name: str) -> Path | None:
-    """A file of the scene in its folder, or in the folder of the same name in another archive's tree.
+    """A file of the scene in its folder, or in the folder of the same name in a tree of another archive, which is named hm3d.
 
     The archives unpack to ``hm3d/val/<scene>/``, ``hm3d-val-glb-v0.2/<scene>/`` and ``hm3d-val-semantic-annots-v0.2/<scene>/``.
     Of several versions the latest one counts.
@@ -142,18 +143,15 @@ def _find(folder: Path, name: str) -> Path | None:
     if (folder / name).is_file():
         return folder / name
     absolute = folder.resolve()
-    found = []
+    inner = f"{escape(absolute.name)}/{escape(name)}"
+    found: list[Path] = []
     for tree in list(absolute.parents)[1:3]:
-        for pattern in (f"*/{absolute.name}/{name}", f"*hm3d*/*/{absolute.name}/{name}"):
-            found += [file for file in _glob(tree, pattern) if file.is_file()]
+        for archive in ("*[hH][mM]3[dD]*", "*[hH][mM]3[dD]*/*"):
+            try:
+                found += [file for file in tree.glob(f"{archive}/{inner}") if file.is_file()]
+            except OSError:  # a folder above the scene that may not be listed holds nothing of it
+                continue
     return max(found, default=None)
-
-
-def _glob(tree: Path, pattern: str) -> list[Path]:
-    try:
-        return sorted(tree.glob(pattern.replace("[", "[[]")))
-    except OSError:  # a folder above the scene that may not be listed holds nothing of it
-        return []
 
 
 def _check_painted(semantic: Path, table: Path, ids: npt.NDArray[np.int32], rows: dict[int, Row]) -> None:
