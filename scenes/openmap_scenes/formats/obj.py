@@ -17,11 +17,9 @@ from openmap_scenes.formats.images import EncodedImage, decode_images
 from openmap_scenes.formats.mesh import Part, TexturedMesh, check_mesh, moved
 from openmap_scenes.scene import Material
 
-# Options of a texture statement and how many words follow each.
-MAP_OPTIONS = {
-    "-blendu": 1, "-blendv": 1, "-cc": 1, "-clamp": 1, "-bm": 1, "-boost": 1, "-texres": 1, "-imfchan": 1, "-type": 1,
-    "-mm": 2, "-o": 3, "-s": 3, "-t": 3,
-}  # fmt: skip
+# Options of a texture statement: those followed by one word, and those by up to so many numbers.
+WORD_OPTIONS = {"-blendu", "-blendv", "-cc", "-clamp", "-bm", "-boost", "-texres", "-imfchan", "-type"}
+NUMBER_OPTIONS = {"-mm": 2, "-o": 3, "-s": 3, "-t": 3}
 Integers = npt.NDArray[np.int64]
 
 
@@ -302,10 +300,10 @@ def _colour(path: Path, number: int, words: list[str]) -> tuple[float, float, fl
 
 def _texture_name(words: list[str]) -> str:
     """A texture statement without its options; names may hold blanks."""
-    while words and words[0] in MAP_OPTIONS:
-        count = MAP_OPTIONS[words[0]]
-        words = words[1:]
-        while words and count and (count == 1 or _is_number(words[0])):
+    while words and (words[0] in WORD_OPTIONS or words[0] in NUMBER_OPTIONS):
+        count = NUMBER_OPTIONS.get(words[0], 0)
+        words = words[1:] if count else words[2:]
+        while words and count and _is_number(words[0]):
             words, count = words[1:], count - 1
     return " ".join(words)
 
