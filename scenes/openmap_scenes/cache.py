@@ -8,6 +8,7 @@ for the longest time goes first. A cache that cannot be written costs time and o
 from __future__ import annotations
 
 import hashlib
+import json
 import logging
 import os
 import shutil
@@ -201,28 +202,70 @@ def _stamp(file: Path) -> tuple[int, int, int, int]:
     return status.st_size, status.st_mtime_ns, status.st_ctime_ns, status.st_ino
 
 
+def recall_files(kind: str, path: Path) -> list[Path] | None:
+    """The files that the scene of a kind at a path is read from, as noted, if neither they nor their folders have changed since.
+
+    It saves to import the reader and to look for them again, which costs more than to open a kept scene. None = not known.
+    """
+    try:
+        noted, check = _files_note(kind, path).read_text(encoding="utf-8").split("\n")
+        if check != _check(noted):
+            return None
+        watched, count = json.loads(noted)
+        places = [Path(name) for name, _ in watched]
+        if any(_stamp(place) != tuple(stamp) for place, (_, stamp) in zip(places, watched, strict=True)):
+            return None
+        return places[:count]
+    except (OSError, ValueError):
+        return None
+
+
+def note_files(kind: str, path: Path, files: Sequence[Path]) -> None:
+    """Remember from which files a scene is read, until one of them or of the folders that hold them changes."""
+    with suppress(OSError):
+        absolute = [Path(os.path.abspath(file)) for file in files]
+        folders = {file.parent for file in absolute} | {path.absolute() if path.is_dir() else path.absolute().parent}
+        watched = [(str(place), _stamp(place)) for place in [*absolute, *sorted(folders)]]
+        if all(_settled(stamp) for _, stamp in watched):
+            noted = json.dumps([watched, len(absolute)])
+            _write_note(_files_note(kind, path), f"{noted}\n{_check(noted)}")
+
+
+def _files_note(kind: str, path: Path) -> Path:
+    key = hashlib.blake2b(repr((_CODE, kind, os.path.abspath(path))).encode(), digest_size=16).hexdigest()
+    return cache_root() / "notes-v1" / key[:2] / key
+
+
 def _file_digest(file: Path) -> str:
     """The digest of a file's bytes, from the notes where its stamp is the one noted."""
     stamp = _stamp(file)
     text = " ".join(str(number) for number in stamp)
     path = hashlib.blake2b(os.fsencode(file), digest_size=16).hexdigest()
-    note = cache_root() / "digests-v1" / path[:2] / path
+    note = cache_root() / "notes-v1" / path[:2] / path
     with suppress(OSError, ValueError):
         noted, check, digest = note.read_text(encoding="ascii").split("\n")
         if noted == text and check == _check(text, digest):
             return digest
     with file.open("rb") as content:
         digest = hashlib.file_digest(content, lambda: hashlib.blake2b(digest_size=32)).hexdigest()
-    if time.time() - max(stamp[1], stamp[2]) / 1e9 > SETTLED and _stamp(file) == stamp:
-        with suppress(OSError):
-            note.parent.mkdir(parents=True, exist_ok=True)
-            unfinished = note.with_name(f".{note.name}.{os.getpid()}-{time.monotonic_ns()}.tmp")
-            try:
-                unfinished.write_text(f"{text}\n{_check(text, digest)}\n{digest}", encoding="ascii")
-                os.replace(unfinished, note)
-            finally:
-                unfinished.unlink(missing_ok=True)
+    if _settled(stamp) and _stamp(file) == stamp:
+        _write_note(note, f"{text}\n{_check(text, digest)}\n{digest}")
     return digest
+
+
+def _settled(stamp: tuple[int, int, int, int]) -> bool:
+    return time.time() - max(stamp[1], stamp[2]) / 1e9 > SETTLED
+
+
+def _write_note(note: Path, text: str) -> None:
+    with suppress(OSError):
+        note.parent.mkdir(parents=True, exist_ok=True)
+        unfinished = note.with_name(f".{note.name}.{os.getpid()}-{time.monotonic_ns()}.tmp")
+        try:
+            unfinished.write_text(text, encoding="utf-8")
+            os.replace(unfinished, note)
+        finally:
+            unfinished.unlink(missing_ok=True)
 
 
 def _check(*texts: str) -> str:

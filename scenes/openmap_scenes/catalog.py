@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable
 from difflib import get_close_matches
@@ -10,7 +11,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from openmap_scenes.cache import cached
+from openmap_scenes.cache import cache_limit, cached, note_files, recall_files
 from openmap_scenes.discovery import check_exists, guess_spec, list_scenes
 from openmap_scenes.errors import DataError
 from openmap_scenes.scene import Scene
@@ -77,15 +78,24 @@ def load_scene(spec: str, cache: bool = True) -> Scene:
     elif kind in FORMATS:
         check_exists(Path(rest), "a mesh" if kind in ("file", "gibson") else f"the folder of a scan ({kind})")
     read = partial(READERS[kind], rest)
-    if not cache or kind not in {*FORMATS, "homes"}:
+    if not cache or not cache_limit() or kind not in {*FORMATS, "homes"}:
         return read()
     if kind == "homes":
         return cached(["homes", split, str(numbers[0]), *_furniture()], [], read)
-    try:
-        files = _function("files", kind)
-    except AttributeError:
-        return read()
-    return cached([kind], files(Path(rest)), read, source=f"{kind}:{Path(rest)}")
+    return _load_from_files(kind, Path(rest), read)
+
+
+def _load_from_files(kind: str, path: Path, read: Callable[[], Scene]) -> Scene:
+    source = f"{kind}:{path}"
+    files = recall_files(kind, path)
+    if files is not None:
+        return cached([kind], files, read, source)
+    files = _function("files", kind)(path)
+    scene = cached([kind], files, read, source)
+    # Where something is missing it may turn up in a folder that nobody watches, so the reader looks for it each time.
+    if not any(m.missing_texture for m in scene.materials) and (scene.instances or kind == "file"):
+        note_files(kind, path, files)
+    return scene
 
 
 def expand_specs(spec: str) -> list[str]:
@@ -157,10 +167,13 @@ def _home(rest: str) -> tuple[str, list[int]]:
 
 def _furniture() -> list[str]:
     """What the furniture library holds, as far as file names, sizes and time stamps tell; one line for no library."""
-    from openmap_scenes.homes.library import furniture_folder
-
     try:
         archives = [(path.name, path.stat()) for path in sorted(furniture_folder().glob("*.sh3f"))]
     except OSError:
         archives = []
     return [f"{name} {status.st_size} {status.st_mtime_ns}" for name, status in archives] or ["no library"]
+
+
+def furniture_folder() -> Path:
+    """As ``homes.library.furniture_folder``, without importing what builds homes."""
+    return Path(os.environ.get("OPENMAP_FURNITURE", "/usr/share/sweethome3d/furniture"))

@@ -405,7 +405,7 @@ def test_unchanged_files_are_not_hashed_again(
     reader, file = Reader(toy_scene), tmp_path / "a.glb"
     file.write_bytes(b"one")
     cached([], [file], reader)
-    notes = cache_folder.parent / "digests-v1"
+    notes = cache_folder.parent / "notes-v1"
     assert not notes.exists()  # written a moment ago: it may change again within the same tick
     monkeypatch.setattr(cache_module, "SETTLED", -1.0)
     cached([], [file], reader)

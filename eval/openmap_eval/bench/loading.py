@@ -24,7 +24,7 @@ from openmap_eval.bench.machine import describe_machine, write_json
 ROWS = {
     "trimesh alone": ("trimesh_alone", False),
     "reader, nothing kept": ("uncached", False),
-    "first load (read and kept)": ("kept", True),
+    "first load (read and kept)": ("first", True),
     "cached, opened": ("opened", False),
     "cached, every page read": ("kept", False),
 }
