@@ -120,8 +120,9 @@ def _assemble(name: str, source: str, plan: Plan, shell: list[Piece], items: lis
     may_hide = np.repeat(loose, [len(p[1]) for p in parts])
     points = _samples(plan, shell, vertices)
     colour = bake(points, normals, vertices, faces[casts], _lights(plan, items), may_hide)
-    glows = np.array([p.kind in ("window", "balcony door") for p in shell] + [i.thing.kind in LAMPS for i in items])
-    shines = np.repeat(glows, [len(p[1]) for p in parts])
+    shines = np.concatenate(
+        [p.shines for p in shell] + [np.full(len(i.thing.model.vertices), i.thing.kind in LAMPS) for i in items]
+    )
     colour[shines] = np.maximum(colour[shines], 225)
     boxes = instance_boxes(vertices, faces, face_instance)
     instances = [

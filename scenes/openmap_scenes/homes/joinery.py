@@ -23,6 +23,8 @@ PROUD = 0.015
 SILL_PROUD = 0.02
 EYE = 1.5
 _DARKER = 0.86
+# The name of the material that shows what lies outside.
+VIEW = "view"
 
 
 @dataclass(frozen=True)
@@ -54,22 +56,23 @@ def build_joinery(plan: Plan, finish: HomeFinish, rng: np.random.Generator) -> l
     weather = draw_weather(rng)
     panels = str(rng.choice(["flush", "two", "four", "three", "plank"], p=[0.25, 0.25, 0.2, 0.15, 0.15]))
     sashes = str(rng.choice(["plain", "double", "cross", "transom"], p=[0.25, 0.35, 0.25, 0.15]))
-    boxed, plain = bool(rng.random() < 0.5), bool(rng.random() < 0.4)
+    boxed, plain = bool(rng.random() < 0.5 and finish.window_frame.colour.min() > 0.5), bool(rng.random() < 0.4)
     leaves = {leaf.opening: leaf for leaf in plan.leaves}
+    brass = material("threshold", (0.66, 0.62, 0.54))
     parts: list[Parts] = []
     for index, o in enumerate(plan.openings):
         inner = plan.inner(o.rooms[0])
         into = 1 if (inner.z0 if o.axis == "x" else inner.x0) > o.at else -1
         f = _Frame(o, into)
         if o.glazed:
-            view = material("view", (1, 1, 1), _view(o, weather, rng))
+            view = material(VIEW, (1, 1, 1), _view(o, weather, rng))
             parts.append((o.kind, o.rooms[0], merge(_glazing(f, finish, view, sashes, boxed)), {}))
             continue
         back = OUTER if o.rooms[1] < 0 else WALL / 2
         trim = finish.plaster if o.wide and plain else finish.trim
         frame = _casing(f, trim, back, flat=o.wide and plain)
         if o.rooms[1] >= 0 and finish.rooms[o.rooms[0]].floor is not finish.rooms[o.rooms[1]].floor:
-            frame.append(f.bar((o.start, o.end), (0.0, 0.005), (-0.025, 0.025), finish.metal))
+            frame.append(f.bar((o.start, o.end), (0.0, 0.005), (-0.02, 0.02), brass))
         parts.append(("door frame", o.rooms[0], merge(frame), {}))
         if o.kind == "front door":
             mesh = _hung(

@@ -16,6 +16,7 @@ from openmap_scenes.homes.rooms import WALL, Rect
 
 # Kind: (area wanted in m2, shortest side allowed in m, longest side over shortest allowed).
 ROOM_SIZES = {
+    "studio": (28.0, 4.0, 1.8),
     "living room": (25.0, 3.4, 1.95),
     "kitchen": (12.0, 2.6, 1.9),
     "bedroom": (14.5, 3.0, 1.8),
@@ -25,7 +26,6 @@ ROOM_SIZES = {
     "office": (11.0, 2.6, 1.8),
     "dining room": (13.5, 2.9, 1.9),
     "laundry room": (6.0, 1.7, 2.3),
-    "studio": (28.0, 4.0, 1.8),
 }
 # The kinds and the shortest side in m, for those who need no more.
 ROOM_KINDS = {kind: (area, short) for kind, (area, short, _) in ROOM_SIZES.items()}

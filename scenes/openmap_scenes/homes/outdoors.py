@@ -38,7 +38,7 @@ EVENING = Weather(np.array([0.30, 0.38, 0.56]), np.array([0.93, 0.68, 0.52]), 0.
 
 def draw_weather(rng: np.random.Generator) -> Weather:
     """Mostly day, sometimes dusk."""
-    return EVENING if rng.random() < 0.12 else WEATHER[int(rng.integers(len(WEATHER)))]
+    return EVENING if rng.random() < 0.08 else WEATHER[int(rng.integers(len(WEATHER)))]
 
 
 def outdoors(rng: np.random.Generator, weather: Weather, horizon: float, aspect: float, size: int = 256) -> Image:

@@ -205,10 +205,11 @@ class _Decorator:
             "metro": (12, 6, (1.2, 1.2), True),
             "square": (8, 8, (1.2, 1.2), False),
             "upright": (5, 6, (1.2, 1.25), False),
-            "slab": (4, 2, (1.2, 1.2), bool(rng.random() < 0.5)),
+            "slab": (4, 2, (1.2, 1.2), False),
         }[style]
-        stone = 0.7 if style == "slab" else 0.0
-        picture = flooring.tiles(rng, base, rows, columns, stone, bond, None, 0.86)
+        stone = 0.4 if style == "slab" else 0.0
+        base = np.maximum(base, 0.62)
+        picture = flooring.tiles(rng, base, rows, columns, stone, bond, None, 0.86, 2 if style == "slab" else 3)
         return Cover(material("wall tiles", (1, 1, 1), picture), size, "tile")
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from openmap_scenes.homes.envelope import outer_parts
-from openmap_scenes.homes.joinery import build_joinery
+from openmap_scenes.homes.joinery import VIEW, build_joinery
 from openmap_scenes.homes.models import Model
 from openmap_scenes.homes.palette import Cover, HomeFinish, RoomFinish, draw_finish
 from openmap_scenes.homes.plan import OUTER, WALL, Plan, Rect, Side
@@ -30,6 +31,14 @@ class Piece:
     room: int
     mesh: Model
     attributes: dict[str, str]
+
+    @property
+    def shines(self) -> npt.NDArray[np.bool_]:
+        """(V,) which vertices show the open and so are bright by themselves."""
+        views = np.array([m.name == VIEW for m in self.mesh.materials])
+        out = np.zeros(len(self.mesh.vertices), bool)
+        out[self.mesh.faces[views[self.mesh.face_material]].reshape(-1)] = True
+        return out
 
 
 def build_shell(plan: Plan, rng: np.random.Generator) -> list[Piece]:

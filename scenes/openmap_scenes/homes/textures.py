@@ -1,10 +1,10 @@
-"""Surfaces of rooms and flat things painted from noise: floors, walls, rugs, pictures, the view from a window. sRGB uint8."""
+"""Noise, colours, and flat things painted from them: rugs and pictures. sRGB uint8."""
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import gaussian_filter, zoom
 
 Image = npt.NDArray[np.uint8]
 Colour = tuple[float, float, float]
@@ -15,10 +15,6 @@ WOODS: tuple[Colour, ...] = (
 WALLS: tuple[Colour, ...] = (
     (0.93, 0.91, 0.87), (0.88, 0.86, 0.80), (0.84, 0.87, 0.85), (0.82, 0.85, 0.90), (0.92, 0.86, 0.75),
     (0.85, 0.80, 0.74), (0.78, 0.84, 0.76), (0.90, 0.82, 0.80), (0.95, 0.95, 0.94), (0.74, 0.80, 0.84),
-)  # fmt: skip
-CARPETS: tuple[Colour, ...] = ((0.70, 0.66, 0.60), (0.52, 0.55, 0.60), (0.60, 0.50, 0.44), (0.45, 0.50, 0.44))
-TILES: tuple[Colour, ...] = (
-    (0.86, 0.86, 0.84), (0.70, 0.74, 0.76), (0.80, 0.74, 0.66), (0.62, 0.72, 0.74), (0.55, 0.55, 0.56),
 )  # fmt: skip
 ACCENTS: tuple[Colour, ...] = (
     (0.70, 0.18, 0.16), (0.16, 0.32, 0.58), (0.85, 0.62, 0.18), (0.22, 0.45, 0.30), (0.48, 0.25, 0.45),
@@ -34,59 +30,28 @@ def to_image(values: npt.NDArray[np.floating]) -> Image:
 def noise(
     rng: np.random.Generator, shape: tuple[int, int], sigma: float | tuple[float, float]
 ) -> npt.NDArray[np.float64]:
-    """Smooth noise (h, w) that wraps around, mean 0, standard deviation 1."""
-    field = gaussian_filter(rng.standard_normal(shape), sigma, mode="wrap")
+    """Smooth noise (h, w) that wraps around, mean 0, standard deviation 1; ``sigma`` in pixels, (down, across) or both."""
+    sigmas = (sigma, sigma) if isinstance(sigma, (int, float)) else sigma
+    # What is smooth over many pixels is made of few and drawn large.
+    factors = [_coarser(n, s) for n, s in zip(shape, sigmas, strict=True)]
+    small = rng.standard_normal([n // f for n, f in zip(shape, factors, strict=True)])
+    field = gaussian_filter(small, [s / f for s, f in zip(sigmas, factors, strict=True)], mode="wrap")
+    if max(factors) > 1:
+        field = zoom(field, factors, order=1, mode="grid-wrap", grid_mode=True)
     return np.asarray((field - field.mean()) / max(float(field.std()), 1e-9))
+
+
+def _coarser(n: int, sigma: float) -> int:
+    """The power of two by which n pixels may be fewer for noise that is ``sigma`` pixels wide."""
+    factor = 1
+    while sigma / (2 * factor) >= 2.5 and n % (2 * factor) == 0:
+        factor *= 2
+    return factor
 
 
 def pick(rng: np.random.Generator, colours: tuple[Colour, ...]) -> npt.NDArray[np.float64]:
     """One of the colours (3,), a little off."""
     return np.clip(np.array(colours[int(rng.integers(len(colours)))]) + rng.normal(0, 0.02, 3), 0.02, 0.98)
-
-
-def wood_planks(rng: np.random.Generator, size: int = 256, rows: int = 8) -> Image:
-    """Planks along u; the picture spans ``rows`` planks."""
-    base = pick(rng, WOODS)
-    height = size // rows
-    grain = 0.035 * noise(rng, (size, size), (0.7, 18)) + 0.02 * noise(rng, (size, size), (2, 40))
-    tone = np.zeros((size, size))
-    for row in range(rows):
-        cut, band = int(rng.integers(size)), slice(row * height, (row + 1) * height)
-        tone[band] += rng.normal(0, 0.045)
-        second = (np.arange(size) - cut) % size < size // 2
-        tone[band, second] += rng.normal(0, 0.045)
-        tone[band, [cut, (cut + size // 2) % size]] -= 0.16
-        tone[row * height] -= 0.14
-    return to_image(base * (1.0 + (grain + tone)[..., None] * 1.4))
-
-
-def tiles(rng: np.random.Generator, size: int = 256, count: int = 4) -> Image:
-    """``count`` x ``count`` tiles with joints."""
-    size -= size % count
-    base, edge = pick(rng, TILES), size // count
-    shade = np.repeat(np.repeat(rng.normal(0, 0.025, (count, count)), edge, 0), edge, 1)
-    shade = shade + 0.012 * noise(rng, (size, size), 3.0)
-    joint = (np.arange(size) % edge < 2)[:, None] | (np.arange(size) % edge < 2)[None, :]
-    return to_image(np.where(joint[..., None], base * 0.72, base * (1.0 + shade[..., None])))
-
-
-def carpet(rng: np.random.Generator, size: int = 256) -> Image:
-    """Short pile: fine noise over large soft spots."""
-    shade = 0.07 * noise(rng, (size, size), 0.8) + 0.025 * noise(rng, (size, size), 14.0)
-    return to_image(pick(rng, CARPETS) * (1.0 + shade[..., None]))
-
-
-def plaster(rng: np.random.Generator, size: int = 256) -> Image:
-    """Painted wall."""
-    shade = 0.008 * noise(rng, (size, size), 1.0) + 0.014 * noise(rng, (size, size), 20.0)
-    return to_image(pick(rng, WALLS) * (1.0 + shade[..., None]))
-
-
-def wallpaper(rng: np.random.Generator, size: int = 256) -> Image:
-    """Soft vertical stripes."""
-    base, u = pick(rng, WALLS), np.arange(size)
-    stripes = 0.04 * np.sign(np.sin(2 * np.pi * u * int(rng.integers(4, 9)) / size + 0.01))
-    return to_image(base * (1.0 + stripes[None, :, None] + 0.012 * noise(rng, (size, size), 1.5)[..., None]))
 
 
 def rug(rng: np.random.Generator, size: int = 192) -> Image:
@@ -128,15 +93,3 @@ def painting(rng: np.random.Generator, size: int = 160) -> Image:
             blot = noise(rng, (size, size), float(rng.uniform(10, 26)))
             rgb = np.where((blot > 1.0)[..., None], pick(rng, ACCENTS), rgb)
     return to_image(rgb * (1.0 + 0.03 * noise(rng, (size, size), 1.0)[..., None]))
-
-
-def outdoors(rng: np.random.Generator, size: int = 128) -> Image:
-    """What a window shows: bright sky, trees far away, a lawn."""
-    v = np.linspace(0, 1, size)[:, None]
-    sky = (1 - v[..., None]) * np.array([0.72, 0.84, 0.96]) + v[..., None] * np.array([0.97, 0.98, 0.99])
-    clouds = np.clip(noise(rng, (size, size), (4.0, 10.0)) - 0.4, 0, 1)[..., None]
-    rgb = sky * (1 - 0.5 * clouds) + 0.5 * clouds
-    trees = 0.62 + 0.03 * noise(rng, (1, size), (0, 4.0))
-    leaves = np.array([0.50, 0.60, 0.44]) * (1 + 0.12 * noise(rng, (size, size), 1.5)[..., None])
-    rgb = np.where((v > trees)[..., None], leaves, rgb)
-    return to_image(np.where((v > 0.82)[..., None] & np.ones((1, size, 1), bool), np.array([0.62, 0.72, 0.50]), rgb))
