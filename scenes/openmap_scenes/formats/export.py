@@ -1,8 +1,9 @@
 """A Scene -> a GLB that any viewer shows, with its table of instances and its credits beside it.
 
-``read_file`` of the GLB gives the scene back: vertices, faces, ids, categories, rooms, attributes, credits and textures exactly,
-colours to the byte. Colours are written linear, as glTF rules; materials carry KHR_materials_unlit, because a scene's light is in
-its textures and vertex colours, and a viewer that does not know the extension shows them as rough surfaces.
+``read_file`` of the GLB gives the scene back: vertices, faces, ids, categories, rooms, attributes, credits and textures
+exactly, colours to the byte (a scene with textures and without uv gets uv of zeros). Colours are written linear, as glTF
+rules; materials carry KHR_materials_unlit, because a scene's light is in its textures and vertex colours, and a viewer that
+does not know the extension shows them as rough surfaces.
 """
 
 from __future__ import annotations
@@ -127,8 +128,11 @@ def _attributes(scene: Scene, writer: _Writer) -> dict[str, int]:
     low, high = vertices.min(0).tolist(), vertices.max(0).tolist()
     view = writer.view(vertices.tobytes(), ARRAY_BUFFER)
     attributes = {"POSITION": writer.accessor(view, FLOAT, n, "VEC3", min=low, max=high)}
-    if scene.uv is not None:
-        view = writer.view(np.ascontiguousarray(scene.uv, "<f4").tobytes(), ARRAY_BUFFER)
+    uv = scene.uv
+    if uv is None and any(material.texture is not None for material in scene.materials):
+        uv = np.zeros((n, 2), np.float32)  # glTF wants coordinates wherever there is a texture
+    if uv is not None:
+        view = writer.view(np.ascontiguousarray(uv, "<f4").tobytes(), ARRAY_BUFFER)
         attributes["TEXCOORD_0"] = writer.accessor(view, FLOAT, n, "VEC2")
     if scene.vertex_colour is not None:
         view = writer.view(_linear_colours(scene.vertex_colour).tobytes(), ARRAY_BUFFER)
