@@ -121,7 +121,7 @@ def expand_specs(spec: str) -> list[str]:
 
 
 def _is_path(spec: str) -> bool:
-    return spec.partition(":")[0] not in READERS and Path(spec).exists()
+    return bool(spec) and spec.partition(":")[0] not in READERS and Path(spec).exists()
 
 
 def _split(spec: str) -> tuple[str, str]:
@@ -131,7 +131,8 @@ def _split(spec: str) -> tuple[str, str]:
     kind, _, rest = spec.partition(":")
     where = f"scene spec {spec!r}"
     if kind in READERS and rest.strip():
-        return kind, rest
+        # A shell expands ~ only at the start of a word.
+        return kind, str(Path(rest).expanduser()) if rest.startswith("~") else rest
     expected = f"one of {', '.join(f'{k}:...' for k in READERS)}, or the path of a scan or mesh"
     if kind in READERS:
         example = "homes:val/0" if kind == "homes" else f"{kind}:{'<mesh>' if kind == 'file' else '<scan folder>'}"

@@ -83,9 +83,8 @@ def guess_spec(path: str | Path) -> str:
     if len(below) == 1:
         return below[0]
     found = f"{len(below)} scenes ({', '.join(below[:3])}{', ...' if len(below) > 3 else ''})" if below else "no scene"
-    raise DataError(
-        path, found, "one scan of Matterport3D, HM3D, Gibson, Replica or ScanNet, or one mesh", "Name one of them."
-    )
+    expected = "one scan of Matterport3D, HM3D, Gibson, Replica or ScanNet, or one mesh"
+    raise DataError(path, found, expected, "Name one of them." if below else "")
 
 
 def check_exists(path: Path, expected: str) -> None:

@@ -101,7 +101,7 @@ def _blob(x: float, z: float, size: tuple[float, float, float]) -> Any:
     """A rounded box that stands at (x, z) m of the room."""
 
     def surface(s: Grid, t: Grid) -> Grid:
-        around, up = 2 * np.pi * s, np.pi * (t - 0.5)
+        around, up = -2 * np.pi * s, np.pi * (t - 0.5)
         unit = np.stack([np.cos(up) * np.cos(around), np.sin(up), np.cos(up) * np.sin(around)], 1)
         rounded = np.sign(unit) * np.abs(unit) ** 0.5
         return np.asarray(rounded * np.array(size) / 2 + [x, size[1] / 2, z])
