@@ -94,7 +94,7 @@ class Query:
 class Scenes:
     """What scenes there are, what they look like, what is wrong with them."""
 
-    command: SceneCommand
+    command: tyro.conf.OmitSubcommandPrefixes[SceneCommand]
 
     def run(self, console: Console) -> None:
         self.command.run(console)

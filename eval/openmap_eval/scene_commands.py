@@ -112,7 +112,7 @@ class CheckScenes:
 
         style = {"error": "bold red", "warning": "yellow", "note": "dim"}
         unusable = 0
-        for target in _expanded(self.scenes):
+        for target in _expanded(self.scenes, keep_paths=True):
             findings = check(target, self.thorough)
             unusable += any(f.severity == "error" for f in findings)
             if not any(f.severity != "note" for f in findings):
@@ -150,12 +150,13 @@ def contents(scene: Scene) -> Table:
     return table
 
 
-def _expanded(specs: tuple[str, ...]) -> list[str]:
+def _expanded(specs: tuple[str, ...], keep_paths: bool = False) -> list[str]:
+    """Every single spec that the given ones stand for; ``keep_paths``: a path is kept as it is."""
     from openmap_scenes.catalog import expand_specs
 
     if not specs:
         raise DataError("scenes", "no scene named", "one spec or more, such as homes:val/0")
-    return [one for spec in specs for one in expand_specs(spec)]
+    return [one for spec in specs for one in ([spec] if keep_paths and Path(spec).exists() else expand_specs(spec))]
 
 
 def _load(target: str) -> Scene:

@@ -114,6 +114,6 @@ def _table(audits: list[dict[str, Any]]) -> Table:
         table.add_column(name, justify="left" if name == "home" else "right")
     for a in audits:
         row = (a["spec"], a["seconds"], a["rooms"], a["objects"], len(a["kinds"]), a["faces"], len(a["unreachable"]))
-        same = {True: "yes", False: "NO"}.get(a.get("same_bytes"), "")
+        same = "" if "same_bytes" not in a else "yes" if a["same_bytes"] else "NO"
         table.add_row(*map(str, row), str(len(a["clashes"])), f"{a['visible']:.1%}", same)
     return table
