@@ -31,7 +31,7 @@ def size_of(source: str, data: bytes) -> tuple[int, int]:
         No bytes, no picture, or an absurd size.
     """
     if not data:
-        raise DataError(source, "an empty file", "a picture", MEND)
+        raise DataError(source, "0 bytes, an empty file", "a picture", MEND)
     try:
         with Image.open(io.BytesIO(data), formats=("PNG", "JPEG")) as image:
             width, height = image.size

@@ -99,8 +99,8 @@ class SensRecording:
                 source = f"{self._path} frame {entry.number}"
                 yield Frame(
                     entry.number,
-                    self._to_depth(self._colour(source, colour)),
-                    self._depth(source, depth),
+                    self._to_depth(self._colour(f"{source} colour", colour)),
+                    self._depth(f"{source} depth", depth),
                     entry.pose.copy(),
                 )
 
