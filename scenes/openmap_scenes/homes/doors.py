@@ -28,8 +28,11 @@ def add_doors(plan: Plan, rng: np.random.Generator) -> bool:
             if cost is not None and plan.contact(i, j) is not None:
                 edges.append((cost + float(rng.uniform(0, 0.25)), i, j))
     group, ends = list(range(len(plan.rects))), [0] * len(plan.rects)
-    broad = rng.random() < 0.6
+    broad, suites = rng.random() < 0.6, 0
     for cost, i, j in sorted(edges):
+        # One bathroom may be a bedroom's own; the other is everybody's.
+        if _suite(plan, i, j) and suites:
+            continue
         if any(ends[k] and plan.kinds[k] not in PUBLIC and not _suite(plan, i, j) for k in (i, j)):
             continue
         joins = group[i] != group[j]
@@ -39,6 +42,7 @@ def add_doors(plan: Plan, rng: np.random.Generator) -> bool:
         if door is None:
             continue
         plan.openings.append(door)
+        suites += _suite(plan, i, j)
         if joins:
             group = [group[i] if g == group[j] else g for g in group]
         ends[i], ends[j] = ends[i] + 1, ends[j] + 1

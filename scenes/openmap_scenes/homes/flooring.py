@@ -50,6 +50,12 @@ def boards(rng: np.random.Generator, base: Colour, rows: int, contrast: float, s
     return _shaded(base, shade, hue)
 
 
+def veneer(rng: np.random.Generator, base: Colour, size: int = 256) -> Image:
+    """Plain wood, its grain upright."""
+    shade = _grain(rng, size) + 0.02 * noise(rng, (size, size), (10.0, 60.0))
+    return np.ascontiguousarray(_shaded(base, 0.8 * shade).transpose(1, 0, 2))
+
+
 def herringbone(rng: np.random.Generator, base: Colour, contrast: float, size: int = 512) -> Image:
     """Parquet staves five times as long as wide, at right angles; the picture spans 20 stave widths."""
     n, cells = 5, 20

@@ -235,7 +235,7 @@ def draw_finish(plan: Plan, rng: np.random.Generator) -> HomeFinish:
     wood_trim = rng.random() < 0.2
     trim = tuple(d.wood_base * 0.9) if wood_trim else _TRIMS[int(rng.integers(len(_TRIMS)))]
     wooden = wood_trim or rng.random() < 0.25
-    door = material("door wood", (1, 1, 1), flooring.boards(rng, d.wood_base * 0.95, 2, 0.01, 256)) if wooden else None
+    door = material("door wood", (1, 1, 1), flooring.veneer(rng, d.wood_base * 0.95)) if wooden else None
     ceiling = material("ceiling", (1, 1, 1), wallcovering.paint(rng, _WHITE))
     metal = [(0.74, 0.74, 0.73), (0.20, 0.20, 0.21), (0.76, 0.66, 0.45)][int(rng.choice(3, p=[0.6, 0.25, 0.15]))]
     return HomeFinish(
