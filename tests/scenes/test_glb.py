@@ -178,6 +178,12 @@ def test_obj_materials_and_the_textures_that_are_missed(tmp_path):
     assert {m.missing_texture for m in read_file(tmp_path / "boxes.obj").materials} == {"tiny.mtl"}
 
 
+def test_a_name_that_no_file_can_hold_is_read_all_the_same(tmp_path):
+    document, binary = gltf_document({"POSITION": TRIANGLE}, png())
+    document["materials"][0]["name"] = "half \ud800"
+    assert read_document(tmp_path, document, binary).materials[0].name == "half ?"
+
+
 def test_a_gltf_whose_picture_is_not_there_says_so_in_its_material(tmp_path):
     document, binary = gltf_document({"POSITION": TRIANGLE}, png())
     document["images"] = [{"uri": "gone%20away.png"}]

@@ -9,12 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fuzzing import hold_to_data_error
+from hypothesis import given
+from hypothesis import strategies as st
 from tiny_scans import BOXES, boxes_mesh, boxes_ply, house_text, write_mp3d, write_raw_mp3d
 
 from openmap_scenes import DataError
 from openmap_scenes.formats.house import read_house
 from openmap_scenes.formats.mp3d import files_mp3d, read_mp3d
-from openmap_scenes.formats.transfer import transfer_face_ids
+from openmap_scenes.formats.transfer import _nearest_faces, transfer_face_ids
 
 SCAN = "aws_small_house"
 
@@ -220,6 +222,28 @@ def test_ids_go_to_the_nearest_face_where_triangles_differ():
     ids = np.array([5, 5, 6, 6], np.int32)
     assert transfer_face_ids(vertices, faces, ids, vertices, other).tolist() == [5, 5, 6, 6]
     assert transfer_face_ids(vertices, faces[:0], ids[:0], vertices, other).tolist() == [0] * 4
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_equal_triangles_are_found_as_the_nearest_ones_are(seed):
+    rng = np.random.default_rng(seed)
+    vertices = rng.integers(-3, 4, (12, 3)).astype(np.float32)  # many faces coincide
+    faces = rng.integers(0, 12, (20, 3)).astype(np.int32)
+    ids = rng.integers(0, 3, 20).astype(np.int32)
+    order = rng.permutation(20)
+    turned = np.stack([np.roll(face, int(rng.integers(3))) for face in faces[order]])
+    negative = np.where(vertices == 0, np.float32(-0.0), vertices)
+    fast = transfer_face_ids(vertices, faces, ids, negative, turned)
+    plain = ids[_nearest_faces(vertices, faces, vertices[turned])]
+    clear = [
+        len({int(ids[k]) for k in range(20) if set_of(vertices, faces[k]) == set_of(vertices, f)}) == 1 for f in turned
+    ]
+    np.testing.assert_array_equal(fast[clear], ids[order][clear])
+    np.testing.assert_array_equal(fast[~np.array(clear)], plain[~np.array(clear)])
+
+
+def set_of(vertices, face) -> tuple:
+    return tuple(sorted(map(tuple, vertices[face].tolist())))
 
 
 @pytest.mark.parametrize(

@@ -79,12 +79,12 @@ class Value:
         return tuple(item.number() for item in self.items())
 
     def text(self, default: str | None = None) -> str:
-        """A string."""
+        """A string; halves of characters, which JSON can escape and no file can hold, come as question marks."""
         if self.raw is None and default is not None:
             return default
         if not isinstance(self.raw, str):
             self.fail("a string")
-        return self.raw
+        return self.raw.encode("utf-8", "replace").decode()
 
     def pick(self, table: list[Any], what: str) -> int:
         """An index into a table."""

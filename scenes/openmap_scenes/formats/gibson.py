@@ -82,7 +82,7 @@ def _locate(path: str | Path) -> _Files:
         return _with_semantics(path)
     if not path.is_dir():
         raise DataError(path, "no such file or folder", EXPECTED)
-    named = path / f"{path.name}.glb"
+    named = path / f"{path.resolve().name}.glb"
     glbs = [named] if named.is_file() else sorted(path.glob("*.glb"))
     if len(glbs) == 1:
         return _with_semantics(glbs[0])

@@ -56,7 +56,52 @@ def transfer_face_ids(
     result = np.zeros(len(to_faces), np.int32)
     if not len(faces) or not len(to_faces):
         return result
-    corners, to_corners = vertices[faces], to_vertices[to_faces]
+    same = _same_faces(vertices, faces, face_id, to_vertices, to_faces)
+    result[same >= 0] = face_id[same[same >= 0]]
+    rest = np.flatnonzero(same < 0)
+    if len(rest):
+        result[rest] = face_id[_nearest_faces(vertices, faces, to_vertices[to_faces[rest]])]
+    return result
+
+
+def _same_faces(
+    vertices: npt.NDArray[np.float32],
+    faces: npt.NDArray[np.int32],
+    face_id: npt.NDArray[np.int32],
+    to_vertices: npt.NDArray[np.float32],
+    to_faces: npt.NDArray[np.int32],
+) -> npt.NDArray[np.int64]:
+    """Which face has the same three corners to the bit, in any order, (G,); -1 where none has, or faces of several ids have.
+
+    Corners are compared by a sum of 64-bit hashes; that two of a few million differ and agree has odds of one in a million.
+    """
+    keys, to_keys = _keys(vertices, faces), _keys(to_vertices, to_faces)
+    order = np.argsort(keys, kind="stable")
+    unique, starts = np.unique(keys[order], return_index=True)
+    ids = face_id[order]
+    is_clear = np.minimum.reduceat(ids, starts) == np.maximum.reduceat(ids, starts)
+    at = np.minimum(np.searchsorted(unique, to_keys), len(unique) - 1)
+    found = (unique[at] == to_keys) & is_clear[at]
+    return np.asarray(np.where(found, order[starts[at]], -1), np.int64)
+
+
+def _keys(vertices: npt.NDArray[np.float32], faces: npt.NDArray[np.int32]) -> npt.NDArray[np.uint64]:
+    """A number (F,) that faces of equal corners share (Weyl and SplitMix64 constants; all sums wrap)."""
+    # Adding zero makes minus zero plus zero.
+    bits = np.ascontiguousarray(vertices + np.float32(0), np.float32).view(np.uint32).astype(np.uint64)
+    key = np.zeros(len(bits), np.uint64)
+    for axis in range(3):
+        key = (key ^ bits[:, axis]) * np.uint64(0x9E3779B97F4A7C15)
+        key = (key ^ (key >> np.uint64(29))) * np.uint64(0xBF58476D1CE4E5B9)
+        key ^= key >> np.uint64(32)
+    return np.asarray(key[faces].sum(axis=1), np.uint64)
+
+
+def _nearest_faces(
+    vertices: npt.NDArray[np.float32], faces: npt.NDArray[np.int32], to_corners: npt.NDArray[np.float32]
+) -> npt.NDArray[np.int64]:
+    """Index of the face whose centroid and shape fit corners (N, 3, 3) within ``SAME_FACE``, else of the closest face."""
+    corners = vertices[faces]
     k = min(4, len(faces))
     distance, nearest = cKDTree(corners.mean(1)).query(to_corners.mean(1), k=k, distance_upper_bound=SAME_FACE)
     distance, nearest = distance.reshape(-1, k), nearest.reshape(-1, k)
@@ -66,12 +111,11 @@ def transfer_face_ids(
     # Both meshes list a triangle's corners in any rotation, so compare the sorted distances to the common centroid.
     spread, to_spread = _spread(corners), _spread(to_corners)
     mismatch[row, column] = np.abs(spread[nearest[row, column]] - to_spread[row]).max(1) + distance[row, column]
-    best = np.argmin(mismatch, axis=1)
-    found = hit.any(1)
-    result[found] = face_id[nearest[found, best[found]]]
-    if not found.all():
-        result[~found] = face_id[_closest_faces(vertices, faces, to_corners[~found].mean(1))]
-    return result
+    best = nearest[np.arange(len(nearest)), np.argmin(mismatch, axis=1)].astype(np.int64)
+    far = ~hit.any(1)
+    if far.any():
+        best[far] = _closest_faces(vertices, faces, to_corners[far].mean(1))
+    return best
 
 
 def _check(vertices: npt.NDArray[np.float32], faces: npt.NDArray[np.int32], source: str | Path) -> None:
