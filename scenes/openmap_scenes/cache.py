@@ -171,18 +171,28 @@ def _one_at_a_time(entry: Path) -> Iterator[None]:
         yield
         return
     try:
-        end = time.monotonic() + PATIENCE
-        while fcntl is not None and time.monotonic() < end:
-            try:
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
-            except BlockingIOError:
-                time.sleep(0.05)
-            except OSError:
-                break  # a file system without locks
+        _wait_for(handle, entry)
         yield
     finally:
+        # Whoever waits for the file that goes here finds the scene; at worst two processes read at once.
+        with suppress(OSError):
+            lock.unlink()
         os.close(handle)
+
+
+def _wait_for(handle: int, entry: Path) -> None:
+    end, waited = time.monotonic() + PATIENCE, False
+    while fcntl is not None and time.monotonic() < end:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return
+        except BlockingIOError:
+            if not waited:
+                _log.info("waiting for another process that reads the same scene (%s)", entry.name)
+            waited = True
+            time.sleep(0.05)
+        except OSError:
+            return  # a file system without locks
 
 
 def _key(key_parts: Sequence[str], files: Sequence[Path]) -> str:

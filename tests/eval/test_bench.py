@@ -5,6 +5,7 @@ from __future__ import annotations
 import getpass
 import io
 import json
+import os
 import platform
 from pathlib import Path
 
@@ -93,7 +94,7 @@ def test_loading_is_measured_in_processes_of_its_own(
     console = Console(file=io.StringIO(), width=200)
     Loading(faces=4000, textures=3, texture_size=64, repeats=1, out=out).run(console)
     result = json.loads(out.read_text())
-    assert list(result["rows"]) == list(ROWS)
+    assert list(result["rows"]) == [row for row in ROWS if hasattr(os, "posix_fadvise") or not ROWS[row].cold]
     for figures in result["rows"].values():
         assert set(figures) >= set(COLUMNS)
         assert figures["process_seconds"] > figures["seconds"] > 0
@@ -107,7 +108,7 @@ def test_loading_is_measured_in_processes_of_its_own(
     assert list(scratch.iterdir()) == []  # removed afterwards
     assert not (tmp_path / "of the user").exists()
     printed = console.file.getvalue()  # type: ignore[attr-defined]
-    for row in ROWS:
+    for row in result["rows"]:
         assert row in printed
 
 
