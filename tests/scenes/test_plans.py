@@ -307,3 +307,16 @@ def test_a_leaf_fills_its_footprint(shell: tuple[Plan, list[Piece]]) -> None:
 def test_zones_reach_to_both_sides() -> None:
     o = Opening("door", (0, 1), "x", 2.0, 1.0, 1.9, 0.0, 2.05)
     assert o.zone(CLEARANCE) == Rect(1.0, 2.0 - WALL / 2 - CLEARANCE, 1.9, 2.0 + WALL / 2 + CLEARANCE)
+
+
+def test_tiles_lie_behind_the_counter_and_nowhere_else_in_a_kitchen() -> None:
+    tiled = 0
+    for seed in (2, 3, 5, 8):
+        plan = plan_of(seed)
+        kitchen = plan.kinds.index("kitchen")
+        rng = np.random.default_rng(seed)
+        walls = [p for p in build_shell(make_plan(rng), rng, {kitchen: {2}}) if p.kind == "wall" and p.room == kitchen]
+        has = [any(m.name == "wall tiles" for m in p.mesh.materials) for p in walls]
+        assert not any(has[k] for k in (0, 1, 3))
+        tiled += has[2]
+    assert tiled

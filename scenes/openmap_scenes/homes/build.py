@@ -14,7 +14,7 @@ from openmap_scenes.homes.furnish import furnish_room
 from openmap_scenes.homes.kinds import SPLITS, mpcat40
 from openmap_scenes.homes.light import DAY, LAMP, SKY, WARM, Light, bake
 from openmap_scenes.homes.models import Model
-from openmap_scenes.homes.placement import BODY_HEIGHT, BODY_RADIUS, CELL, Item, RoomSpace
+from openmap_scenes.homes.placement import BODY_HEIGHT, BODY_RADIUS, CELL, Item, RoomSpace, turn_of
 from openmap_scenes.homes.plan import WALL, Plan, make_plan
 from openmap_scenes.homes.shell import Piece, build_shell
 from openmap_scenes.homes.stock import Stock
@@ -65,8 +65,24 @@ def build_home_from_seed(split: str, seed: int, folder: Path | None = None) -> S
         items = [item for room in range(len(plan.names)) for item in furnish_room(RoomSpace(plan, room, rng), stock)]
         kinds = {item.thing.kind for item in items}
         if len(items) >= MIN_OBJECTS and len(kinds) >= MIN_KINDS and rooms_connected(plan, items):
-            return _assemble(f"{split}-{seed:03d}", f"homes:{split}/{seed}", plan, build_shell(plan, rng), items)
+            return _assemble(
+                f"{split}-{seed:03d}",
+                f"homes:{split}/{seed}",
+                plan,
+                build_shell(plan, rng, _counters(plan, items)),
+                items,
+            )
     raise RuntimeError(f"no home for {split}/{seed} in 20 attempts: the furniture library may be incomplete")
+
+
+def _counters(plan: Plan, items: list[Item]) -> dict[int, set[int]]:
+    """By kitchen, the walls (indices into its sides) that its stove and its sink stand against."""
+    walls: dict[int, set[int]] = {}
+    for item in items:
+        if plan.kinds[item.room] == "kitchen" and item.thing.kind in ("stove", "kitchen sink"):
+            turns = [abs(np.angle(np.exp(1j * (turn_of(s) - item.angle)))) for s in plan.sides(item.room)]
+            walls.setdefault(item.room, set()).add(int(np.argmin(turns)))
+    return walls
 
 
 def rooms_connected(plan: Plan, items: list[Item]) -> bool:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -213,7 +214,7 @@ class _Decorator:
         return Cover(material("wall tiles", (1, 1, 1), picture), size, "tile")
 
 
-def draw_finish(plan: Plan, rng: np.random.Generator) -> HomeFinish:
+def draw_finish(plan: Plan, rng: np.random.Generator, counters: Mapping[int, Set[int]]) -> HomeFinish:
     """Decorate a home: wood (or tiles) through the day rooms, tiles in wet rooms, a paint for most walls, a few accents."""
     d = _Decorator(rng)
     main, usual = d.wood(), d.paint(d.near(d.walls[0]))
@@ -231,7 +232,7 @@ def draw_finish(plan: Plan, rng: np.random.Generator) -> HomeFinish:
             floor = day_tiles
         elif kind in ("bedroom", "office", "children's room") and carpeted:
             floor = carpet
-        rooms.append(_room(d, plan, room, kind, floor, usual))
+        rooms.append(_room(d, plan, room, kind, (floor, usual), counters.get(room)))
     wood_trim = rng.random() < 0.2
     trim = tuple(d.wood_base * 0.9) if wood_trim else _TRIMS[int(rng.integers(len(_TRIMS)))]
     wooden = wood_trim or rng.random() < 0.25
@@ -253,8 +254,12 @@ def draw_finish(plan: Plan, rng: np.random.Generator) -> HomeFinish:
     )
 
 
-def _room(d: _Decorator, plan: Plan, room: int, kind: str, floor: Cover, usual: Cover) -> RoomFinish:
-    rng, wall, accent = d.rng, usual, None
+def _room(
+    d: _Decorator, plan: Plan, room: int, kind: str, home: tuple[Cover, Cover], counters: Set[int] | None
+) -> RoomFinish:
+    """The surfaces of a room; ``home``: the floor chosen for it and the usual wall."""
+    (floor, usual), rng, accent = home, d.rng, None
+    wall = usual
     sides = plan.sides(room)
     wet = kind in ("bathroom", "laundry room", "kitchen")
     if not wet and rng.random() < d.paper_share:
@@ -272,10 +277,12 @@ def _room(d: _Decorator, plan: Plan, room: int, kind: str, floor: Cover, usual: 
         base = base if rng.random() < 0.5 else 0.5 * base + 0.45
         accent = d.paint(base) if rng.random() < 0.65 else d.paper(base, bold=True)
     at = max(plain, key=lambda i: sides[i].end - sides[i].start, default=0)
-    return RoomFinish(floor, wall, accent, at, d.wall_tiles() if wet else usual, _tiled(d, plan, room, kind))
+    return RoomFinish(floor, wall, accent, at, d.wall_tiles() if wet else usual, _tiled(d, plan, room, kind, counters))
 
 
-def _tiled(d: _Decorator, plan: Plan, room: int, kind: str) -> tuple[tuple[float, float], ...]:
+def _tiled(
+    d: _Decorator, plan: Plan, room: int, kind: str, counters: Set[int] | None
+) -> tuple[tuple[float, float], ...]:
     """Between which heights each wall of a room is tiled, m; equal where it is not."""
     none = (0.0, 0.0)
     if kind == "bathroom":
@@ -284,17 +291,16 @@ def _tiled(d: _Decorator, plan: Plan, room: int, kind: str) -> tuple[tuple[float
     if kind == "laundry room" and d.rng.random() < 0.5:
         return ((0.0, 1.25),) * 4
     if kind == "kitchen" and d.rng.random() < 0.75:
-        # Behind the counter, which stands along the longest stretch without a door.
-        sides = plan.sides(room)
-        lengths = []
-        for side in sides:
-            ends = [
-                side.start,
-                *(e for o in plan.on_side(side) if o.kind != "window" for e in (o.start, o.end)),
-                side.end,
-            ]
-            ends.sort()
-            lengths.append(max(b - a for a, b in zip(ends[::2], ends[1::2], strict=True)))
-        best = int(np.argmax(lengths))
-        return tuple((0.85, 1.5) if i == best else none for i in range(4))
+        walls = counters or {_longest(plan, room)}
+        return tuple((0.85, 1.5) if i in walls else none for i in range(4))
     return (none,) * 4
+
+
+def _longest(plan: Plan, room: int) -> int:
+    """The wall with the longest stretch without a door, where a counter is likely to stand."""
+    lengths = []
+    for side in plan.sides(room):
+        ends = [e for o in plan.on_side(side) if o.kind != "window" for e in (o.start, o.end)]
+        ends = sorted([side.start, *ends, side.end])
+        lengths.append(max(b - a for a, b in zip(ends[::2], ends[1::2], strict=True)))
+    return int(np.argmax(lengths))

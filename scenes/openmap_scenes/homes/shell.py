@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Set
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,9 +42,19 @@ class Piece:
         return out
 
 
-def build_shell(plan: Plan, rng: np.random.Generator) -> list[Piece]:
-    """Everything of a plan but the furniture."""
-    finish = draw_finish(plan, rng)
+def build_shell(plan: Plan, rng: np.random.Generator, counters: Mapping[int, Set[int]] | None = None) -> list[Piece]:
+    """Everything of a plan but the furniture.
+
+    Parameters
+    ----------
+    plan : Plan
+    rng : np.random.Generator
+        Chooses colours, coverings, and the make of doors and windows.
+    counters : dict or None
+        By kitchen, the indices into ``plan.sides`` of the walls behind its counters, which may be tiled; where nothing is
+        said, the wall with the longest stretch without a door.
+    """
+    finish = draw_finish(plan, rng, counters or {})
     outside = outer_parts(plan, finish.facade, finish.plaster)
     pieces = []
     for room, surfaces in enumerate(finish.rooms):
