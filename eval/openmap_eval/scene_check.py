@@ -81,7 +81,7 @@ def _recording_findings(path: Path) -> list[Finding]:
         recording = open_recording(path)
         frames = sum(1 for _ in recording)
     except DataError as error:
-        return [Finding("error", str(error), error.remedy)]
+        return [Finding("error", str(error))]
     if frames == 0:
         return [Finding("error", f"{path}: a recording without a single posed frame", "Record or export it again.")]
     found = [Finding("note", f"a recording of {frames} posed frames")]
