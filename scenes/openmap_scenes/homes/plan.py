@@ -24,12 +24,25 @@ def make_plan(rng: np.random.Generator) -> Plan:
         plan = Plan(list(kinds), rects, kinds=kinds, ceiling=round(float(rng.uniform(2.4, 2.9)), 2))
         if not (add_doors(plan, rng) and add_front_door(plan, rng)):
             continue
+        if _odd(plan) and rng.random() < 0.8:
+            continue
         plan.names = _names(plan)
         add_balcony_doors(plan, rng)
         add_windows(plan, rng)
         add_leaves(plan, rng)
         return plan
     raise RuntimeError("no usable floor plan in 4000 attempts")
+
+
+def _odd(plan: Plan) -> bool:
+    """Whether a bathroom opens from a day room though there is a hall, or a private room from the dining room or kitchen."""
+    for o in plan.openings:
+        pair = {plan.kinds[r] for r in o.rooms if r >= 0}
+        if "bathroom" in pair and "hall" in plan.kinds and pair & {"living room", "studio"}:
+            return True
+        if pair & {"dining room", "kitchen"} and pair & {"bedroom", "bathroom", "office", "children's room"}:
+            return True
+    return False
 
 
 def _names(plan: Plan) -> list[str]:
