@@ -111,7 +111,7 @@ def _nearest_faces(
     # Both meshes list a triangle's corners in any rotation, so compare the sorted distances to the common centroid.
     spread, to_spread = _spread(corners), _spread(to_corners)
     mismatch[row, column] = np.abs(spread[nearest[row, column]] - to_spread[row]).max(1) + distance[row, column]
-    best = nearest[np.arange(len(nearest)), np.argmin(mismatch, axis=1)].astype(np.int64)
+    best = np.asarray(nearest[np.arange(len(nearest)), np.argmin(mismatch, axis=1)], np.int64)
     far = ~hit.any(1)
     if far.any():
         best[far] = _closest_faces(vertices, faces, to_corners[far].mean(1))
