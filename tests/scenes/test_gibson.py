@@ -109,9 +109,10 @@ def test_a_matterport_mesh_under_a_gibson_path_stands_upright(shared_scenes: Pat
     folder = tmp_path / "House"
     folder.mkdir()
     shutil.copy(source, folder / "House.glb")
-    low, high = read_gibson(folder).aabb
-    assert abs(low[1]) < 0.05
-    assert 2.5 < high[1] < 3.5
+    for path in (folder, source):
+        low, high = read_gibson(path).aabb
+        assert abs(low[1]) < 0.05
+        assert 2.5 < high[1] < 3.5
 
 
 @pytest.mark.parametrize("raw", [False, True])

@@ -98,6 +98,8 @@ def _with_semantics(mesh: Path) -> _Files:
     """A mesh with the files of its semantics; the raw meshes are named alike in all homes, their folder is not."""
     name = mesh.parent.resolve().name if mesh.name in RAW_MESHES else mesh.stem
     semantic, table = mesh.with_name(f"{name}_semantic.ply"), mesh.with_name(f"{name}.scn")
+    if mesh.with_name(f"{name}.house").is_file() and not table.is_file():
+        return _Files(name, mesh, None, None)  # the semantic mesh is that of a Matterport3D scan, which `mp3d` reads
     if semantic.is_file() != table.is_file():
         present, absent = (semantic, table) if semantic.is_file() else (table, semantic)
         remedy = "Fetch it too, or take the other one away to read the home without semantics."
