@@ -8,12 +8,14 @@ nothing is copied, pages come from the disk when they are looked at, and two pro
 from __future__ import annotations
 
 import dataclasses
+import errno
 import hashlib
 import json
 import os
 import re
 import secrets
 import shutil
+import time
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -52,8 +54,7 @@ def save_scene(scene: Scene, folder: str | Path) -> None:
         The folder cannot be written.
     """
     folder = Path(folder)
-    if folder.exists() and not (folder / INDEX).is_file() and (not folder.is_dir() or any(folder.iterdir())):
-        raise DataError(folder, f"something that has no {INDEX}", "a saved scene, an empty folder or nothing")
+    _check_replaceable(folder)
     folder.parent.mkdir(parents=True, exist_ok=True)
     unfinished = _beside(folder)
     unfinished.mkdir()
@@ -123,14 +124,29 @@ def _beside(folder: Path) -> Path:
     return folder.with_name(f".{folder.name}.{os.getpid()}-{secrets.token_hex(4)}.tmp")
 
 
+def _check_replaceable(folder: Path) -> None:
+    """DataError where a folder holds something that is no saved scene, and must not be replaced by one."""
+    for _ in range(5):
+        try:
+            names = os.listdir(folder)
+        except FileNotFoundError:
+            return
+        except NotADirectoryError:
+            break
+        if not names or INDEX in names:
+            return
+        time.sleep(0.02)  # it may be one that another process is just taking away
+    raise DataError(folder, f"something that has no {INDEX}", "a saved scene, an empty folder or nothing")
+
+
 def _move(unfinished: Path, folder: Path) -> None:
     """Rename to a name that another process may take, or leave, at the same time."""
     for _ in range(100):
         try:
             os.rename(unfinished, folder)
             return
-        except OSError:
-            if not folder.exists():
+        except OSError as error:
+            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST) and not folder.exists():
                 raise
         remove_scene(folder)
     raise OSError(f"{folder} is written by too many processes at once")
