@@ -140,7 +140,7 @@ def contents(scene: Scene) -> Table:
     table = Table(title=title, title_justify="left")
     for name in ("room", "things"):
         table.add_column(name, overflow="fold")
-    rooms = [(room.name, room.id) for room in scene.rooms]
+    rooms: list[tuple[str, int | None]] = [(room.name, room.id) for room in scene.rooms]
     if any(i.room is None for i in scene.instances):
         rooms.append(("in no room", None))
     for name, room_id in rooms:

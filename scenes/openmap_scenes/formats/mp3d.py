@@ -37,12 +37,9 @@ def read_mp3d(path: str | Path) -> Scene:
     """
     house_file, mesh_file, ids_file = _locate(path)
     house = read_house(house_file)
-    mesh = read_textured_mesh(mesh_file, T_WORLD_ZUP)
-    if ids_file.name.endswith("_semantic.ply"):
-        vertices, faces, object_id = _read_semantic_ply(ids_file)
-    else:
-        vertices, faces, object_id = read_raw_object_ids(ids_file, house)
+    vertices, faces, object_id = _read_object_ids(ids_file, house)
     _check_ids(ids_file, object_id, house)
+    mesh = read_textured_mesh(mesh_file, T_WORLD_ZUP)
     ids = (object_id + 1).astype(np.int32)
     return Scene(
         name=house_file.stem,
@@ -99,12 +96,26 @@ def _semantic(folder: Path, scan: str) -> Path:
 
 
 def _check_files(files: tuple[Path, Path, Path]) -> tuple[Path, Path, Path]:
-    for file, what in zip(
-        files, ("the scan's .house file", "the scan's mesh", "the scan's semantic mesh"), strict=True
-    ):
-        if not file.is_file():
-            raise DataError(file, "no such file", what)
+    """The files, all there; where one is missing, what is wrong with the others is told first, since it may explain more."""
+    roles = ("the scan's .house file", "the scan's mesh", "the scan's semantic mesh")
+    missing = [(file, what) for file, what in zip(files, roles, strict=True) if not file.is_file()]
+    if missing:
+        house_file, _, ids_file = files
+        if house_file.is_file():
+            house = read_house(house_file)
+            if ids_file.is_file():
+                _check_ids(ids_file, _read_object_ids(ids_file, house)[2], house)
+        raise DataError(missing[0][0], "no such file", missing[0][1])
     return files
+
+
+def _read_object_ids(
+    path: Path, house: House
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int32], npt.NDArray[np.int64]]:
+    """World vertices (V, 3) m, faces (F, 3) and object_id (F,) of the mesh that carries the ids, in either layout."""
+    if path.name.endswith("_semantic.ply"):
+        return _read_semantic_ply(path)
+    return read_raw_object_ids(path, house)
 
 
 def _read_semantic_ply(path: Path) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int32], npt.NDArray[np.int64]]:
