@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -19,6 +20,22 @@ from openmap_scenes.catalog import READERS
 settings.register_profile("ci", derandomize=True)
 if os.environ.get("CI"):
     settings.load_profile("ci")
+
+_kept: tempfile.TemporaryDirectory[str] | None = None
+
+
+def pytest_configure() -> None:
+    """Scenes that the tests load are kept for this run alone, not in the user's cache."""
+    global _kept
+    if "OPENMAP_CACHE" not in os.environ:
+        _kept = tempfile.TemporaryDirectory(prefix="openmap-tests-")
+        os.environ["OPENMAP_CACHE"] = _kept.name
+
+
+def pytest_unconfigure() -> None:
+    if _kept is not None:
+        _kept.cleanup()
+
 
 # Rooms, 4 m x 4 m each, along x; doors 1 m wide at z = 0 in the walls between them.
 ROOMS = {1: ("bedroom", -6.0), 2: ("living_room", -2.0), 3: ("kitchen", 2.0)}
