@@ -10,7 +10,7 @@ from openmap_scenes.homes.textures import Colour
 from openmap_scenes.scene import Material
 
 WOODS: dict[str, Colour] = {
-    "oak": (0.76, 0.60, 0.41), "pine": (0.86, 0.71, 0.49), "beech": (0.82, 0.64, 0.46), "walnut": (0.42, 0.28, 0.19),
+    "oak": (0.72, 0.58, 0.42), "pine": (0.86, 0.73, 0.53), "beech": (0.80, 0.65, 0.49), "walnut": (0.42, 0.28, 0.19),
     "cherry": (0.58, 0.33, 0.20), "teak": (0.62, 0.42, 0.25), "birch": (0.88, 0.78, 0.62), "mahogany": (0.42, 0.20, 0.13),
 }  # fmt: skip
 METALS: dict[str, Colour] = {
