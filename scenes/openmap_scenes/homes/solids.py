@@ -123,7 +123,7 @@ def box(low: Triple, high: Triple, material: Material, grain: str = "", step: fl
     return rounded_box(low, high, material, 0.0, 0, grain, step)
 
 
-def cushion(low: Triple, high: Triple, material: Material, puff: float = 0.35, step: float = 0.12) -> Model:
+def cushion(low: Triple, high: Triple, material: Material, puff: float = 0.35, step: float = 0.17) -> Model:
     """A stuffed box inside the given corners: rounded, and bulging along its thinnest side by ``puff`` of that thickness."""
     lo, hi = np.array(low, np.float64), np.array(high, np.float64)
     thin = int((hi - lo).argmin())
