@@ -145,7 +145,8 @@ def laptop(rng: np.random.Generator, limits: Limits) -> Made | None:
     parts.append(soft_box((-w * 0.45, 0.01, -d * 0.4), (w * 0.45, 0.0152, d * 0.1), {**dict.fromkeys((0, 1, 2, 3, 5), shell), 4: deck}, 0.001))
     parts.append(soft_box((-w * 0.15, 0.01, d * 0.16), (w * 0.15, 0.0148, d * 0.43), solid("touchpad", (0.45, 0.46, 0.48)), 0.001))
     lid = slab(w, d, 0.008, shell, skin("screen", scenery.screen(rng)), 0.008, 0.003)
-    parts += [placed(p, (0, 0.01, -d / 2), turn(0, -between(rng, 0.15, 0.5))) for p in lid]
+    lean = turn(0, -between(rng, 0.15, 0.5))
+    parts += [placed(p, (0, 0.01, -d / 2), lean) for p in lid]
     return finish(parts, limits, {"material": "metal", "state": "open"})
 
 
@@ -172,9 +173,12 @@ def tablet(rng: np.random.Generator, limits: Limits) -> Made | None:
 def _book(w: float, h: float, t: float, front: Material, cloth: Material) -> list[Model]:
     """A book lying with its spine along -x: boards above and below, pages between."""
     b = 0.0025
-    boards = [soft_box((-w / 2, y, -h / 2), (w / 2, y + b, h / 2), {**dict.fromkeys((0, 1, 2, 3, 5), cloth), 4: top}, 0.0008) for y, top in ((0, cloth), (t - b, front))]
-    spine = soft_box((-w / 2 - 0.001, 0, -h / 2), (-w / 2 + 0.002, t, h / 2), cloth, 0.001)
-    pages = box((-w / 2 + 0.001, b, -h / 2 + 0.003), (w / 2 - 0.004, t - b, h / 2 - 0.003), {0: PAPER, 1: PAPER, 2: PAPER})
+    boards = [
+        box((-w / 2, y, -h / 2), (w / 2, y + b, h / 2), {**dict.fromkeys((0, 1, 2, 3, 5), cloth), 4: top})
+        for y, top in ((0, cloth), (t - b, front))
+    ]
+    spine = box((-w / 2 - 0.001, 0, -h / 2), (-w / 2 + 0.002, t, h / 2), cloth)
+    pages = box((-w / 2 + 0.001, b, -h / 2 + 0.003), (w / 2 - 0.004, t - b, h / 2 - 0.003), {k: PAPER for k in range(6)})
     return [*boards, spine, pages]
 
 
@@ -208,17 +212,18 @@ def books(rng: np.random.Generator, limits: Limits) -> Made | None:
         for _ in range(int(rng.integers(2, 7))):
             w, h, t = between(rng, 0.13, 0.19), between(rng, 0.19, 0.26), between(rng, 0.015, 0.045)
             R = turn(1, float(rng.normal(0, 0.14)))
-            parts += [placed(p, (between(rng, -0.01, 0.01), y, between(rng, -0.01, 0.01)), R) for p in _book(w, h, t, *_cover(rng))]
+            at = between(rng, -0.01, 0.01), y, between(rng, -0.01, 0.01)
+            parts += [placed(p, at, R) for p in _book(w, h, t, *_cover(rng))]
             y += t + 0.0005
         return finish(parts, limits, {"material": "paper", "style": "pile"})
     x, n = 0.0, int(rng.integers(4, 10))
     for k in range(n):
         w, h, t = between(rng, 0.13, 0.18), between(rng, 0.18, 0.26), between(rng, 0.014, 0.045)
-        upright = [placed(p, (0, h / 2, w / 2), turn(1, -np.pi / 2) @ turn(0, -np.pi / 2)) for p in _book(w, h, t, *_cover(rng))]
+        upright = [placed(p, (0, h / 2, w / 2), turn(1, np.pi / 2) @ turn(0, np.pi / 2)) for p in _book(w, h, t, *_cover(rng))]
         lean = 0.25 if k == n - 1 and chance(rng, 0.5) else 0.0
-        at = np.concatenate([(p.vertices @ turn(2, lean).T)[:, 0] for p in upright])
-        parts += [placed(p, (x - float(at.min()), 0, -w / 2), turn(2, lean)) for p in upright]
-        x += float(np.ptp(at)) + 0.0008
+        along = np.concatenate([(p.vertices @ turn(2, lean).T)[:, 0] for p in upright])
+        parts += [placed(p, (x - float(along.min()), 0, -w / 2), turn(2, lean)) for p in upright]
+        x += float(np.ptp(along)) + 0.0008
     return finish(parts, limits, {"material": "paper", "style": "row"})
 
 
@@ -270,7 +275,8 @@ def game_console(rng: np.random.Generator, limits: Limits) -> Made | None:
     pad = [ellipsoid((0, 0.022, 0), (0.05, 0.018, 0.03), body, 18, 8, 0.7, 0.7)]
     for side in (-1, 1):
         pad += [placed(ellipsoid((0, 0, 0), (0.018, 0.016, 0.045), body, 12, 8), (side * 0.055, 0.018, 0.022), turn(1, side * 0.35)), ellipsoid((side * 0.025, 0.042, 0.014), (0.009, 0.005, 0.009), accent, 10, 5), ellipsoid((side * 0.052, 0.036, -0.008), (0.006, 0.004, 0.006), accent, 8, 4)]  # fmt: skip
-    parts += [placed(p, (between(rng, -0.06, 0.06), 0, d / 2 + 0.08), turn(1, between(rng, -0.4, 0.4))) for p in pad]
+    aside, R = between(rng, -0.06, 0.06), turn(1, between(rng, -0.4, 0.4))
+    parts += [placed(p, (aside, 0, d / 2 + 0.08), R) for p in pad]
     return finish(parts, limits, {"material": "plastic"})
 
 
