@@ -123,7 +123,9 @@ def box(low: Triple, high: Triple, material: Material, grain: str = "", step: fl
     return rounded_box(low, high, material, 0.0, 0, grain, step)
 
 
-def cushion(low: Triple, high: Triple, material: Material, puff: float = 0.35, step: float = 0.17) -> Model:
+def cushion(
+    low: Triple, high: Triple, material: Material, puff: float = 0.35, step: float = 0.17, segments: int = 2
+) -> Model:
     """A stuffed box inside the given corners: rounded, and bulging along its thinnest side by ``puff`` of that thickness."""
     lo, hi = np.array(low, np.float64), np.array(high, np.float64)
     thin = int((hi - lo).argmin())
@@ -131,7 +133,7 @@ def cushion(low: Triple, high: Triple, material: Material, puff: float = 0.35, s
     rise = np.zeros(3)
     rise[thin] = puff * thick / 2
     a, b = lo + rise, hi - rise
-    model = rounded_box(_triple(a), _triple(b), material, 0.42 * float(b[thin] - a[thin]), 2, step=step)
+    model = rounded_box(_triple(a), _triple(b), material, 0.42 * float(b[thin] - a[thin]), segments, step=step)
     away = (model.vertices - (lo + hi) / 2) / ((hi - lo) / 2)
     others = [k for k in range(3) if k != thin]
     dome = np.prod(1.0 - np.clip(np.abs(away[:, others]), 0, 1) ** 2.5, axis=1)

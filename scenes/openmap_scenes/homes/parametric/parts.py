@@ -135,7 +135,11 @@ def handle(
     half = length / 2
     if style == "knob":
         stem = sweep([(x, y, z), (x, y, z + 0.016)], oval(0.006, 0.006, 6), m)
-        ball = sweep([(x, y, z + 0.012), (x, y, z + 0.018), (x, y, z + 0.028)], np.array([0.6, 1.0, 0.7])[:, None, None] * _disc(0.015), m)
+        ball = sweep(
+            [(x, y, z + 0.012), (x, y, z + 0.018), (x, y, z + 0.028)],
+            np.array([0.6, 1.0, 0.7])[:, None, None] * _disc(0.015),
+            m,
+        )
         return [stem, ball]
     if style == "cup":
         return [rounded_box((x - 0.045, y - 0.012, z), (x + 0.045, y + 0.016, z + 0.024), m, 0.01, 2)]
@@ -182,6 +186,8 @@ def drawer_fronts(
             wide = w > 0.75 and style in ("knob", "cup")
             y = y1 - 0.012 if style == "strip" else y
             length = min(0.16, 0.5 * w) if style != "strip" else 0.6 * w
+            # A knob in the middle of a tall front would shade the middle of its board: it sits higher there.
+            y = y1 - 0.07 if style != "strip" and y1 - y0 > 0.26 else y
             spots = (x - w / 4, x + w / 4) if wide else (x,)
             for s in spots:
                 out += handle(style, s, y, z + thick, grip, False, length)

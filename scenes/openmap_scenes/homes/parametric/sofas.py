@@ -37,7 +37,11 @@ def _couch(rng: np.random.Generator, size: Size, seats: int, cover: Material, op
     iron, _ = finishes.metal(rng, "black metal", "brass", "chrome")
     arm, foot = finishes.choose(rng, *ARMS), float(rng.uniform(0.09, 0.16))
     style, loose = finishes.choose(rng, *BASES), bool(rng.random() < 0.65)
-    a = (0.75 if seats == 1 else 1.0) * {"box": 0.17, "slim": 0.09, "rolled": 0.17, "pad": 0.14}[arm] * float(rng.uniform(0.9, 1.15))
+    a = (
+        (0.75 if seats == 1 else 1.0)
+        * {"box": 0.17, "slim": 0.09, "rolled": 0.17, "pad": 0.14}[arm]
+        * float(rng.uniform(0.9, 1.15))
+    )
     foot = 0.06 if style == "plinth" else foot
     rise, back = min(float(rng.uniform(0.54, 0.64)), h - 0.08), float(rng.uniform(0.15, 0.19))
     deck, seat = 0.28, float(rng.uniform(0.42, 0.45))
@@ -203,7 +207,7 @@ def _tufted(rng: np.random.Generator, size: Size, cover: Material) -> list[Model
             p = np.array([np.interp(s, length, path[:, k]) for k in range(3)])
             q = np.array([np.interp(s + 0.01, length, path[:, k]) for k in range(3)])
             angle = float(np.arctan2(-(q - p)[2], (q - p)[0]))
-            pad = cushion((-0.072, 0.40, -0.12), (0.072, rise - 0.01, -0.03), cover, 0.6, step=0.16)
+            pad = cushion((-0.072, 0.40, -0.12), (0.072, rise - 0.01, -0.03), cover, 0.6, 0.16, 1)
             parts.append(moved(turned(pad, "y", angle), p[0], 0.0, p[2]))
     seats = max(1, round((w - 2 * t) / 0.68))
     step = (w - 2 * t) / seats
