@@ -44,7 +44,7 @@ def choose(rng: np.random.Generator, *options: str) -> str:
 def shade(rng: np.random.Generator, colours: tuple[Colour, ...]) -> Colour:
     """One of the colours, a little off."""
     base = np.array(colours[int(rng.integers(len(colours)))])
-    c = np.clip(base * rng.uniform(0.93, 1.07) + rng.normal(0, 0.012, 3), 0.03, 0.98)
+    c = np.clip(base * rng.uniform(0.93, 1.07) + rng.normal(0, 0.006, 3), 0.03, 0.98)
     return float(c[0]), float(c[1]), float(c[2])
 
 
@@ -73,7 +73,7 @@ def metal(rng: np.random.Generator, *kinds: str) -> tuple[Material, str]:
     tone = np.array(METALS[name]) * rng.uniform(0.92, 1.08)
     value = gaussian_filter1d(rng.standard_normal((32, 64)), 12, axis=1, mode="wrap")
     word = "metal" if name == "black metal" else name
-    return Material(name, np.ones(3, np.float32), _paint(tone, 0.03 * _unit(value))), word
+    return Material(name, np.ones(3, np.float32), _paint(tone, 0.018 * _unit(value))), word
 
 
 def cloth(rng: np.random.Generator, colour: Colour | None = None, weave: str = "") -> Material:

@@ -234,7 +234,7 @@ def doors(
 ) -> list[Model]:
     """Doors side by side over (x, y) from low to high m, in pairs whose handles meet; ``grip_at``: handle's height, 0..1."""
     out: list[Model] = []
-    w = (high[0] - low[0]) / count
+    w, style = (high[0] - low[0]) / count, "knob" if style == "cup" else style
     for c in range(count):
         x0, x1 = low[0] + c * w + gap / 2, low[0] + (c + 1) * w - gap / 2
         out.append(front((x0, low[1] + gap / 2), (x1, high[1] - gap / 2), z, m, framed, thick))
