@@ -95,7 +95,7 @@ def photo_frame(rng: np.random.Generator, limits: Limits) -> Made | None:
     lean = turn(0, -0.22)
     parts = [placed(p, rotation=lean) for p in framed(w, h, between(rng, 0.01, 0.025), 0.014, frame, layers)]
     leg = soft_box((-0.02, 0, -0.002), (0.02, h * 0.72, 0.002), solid("stand", (0.15, 0.14, 0.13)), 0.001)
-    parts.append(placed(leg, (0, 0.0, -h * 0.42), turn(0, 0.42)))
+    parts.append(placed(leg, (0, 0.0, -h * 0.46 - 0.012), turn(0, 0.42)))
     return finish(parts, limits, {"material": stuff})
 
 

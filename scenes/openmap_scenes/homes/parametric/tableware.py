@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from openmap_scenes.homes.models import Model
-from openmap_scenes.homes.parametric import patterns
+from openmap_scenes.homes.parametric import kitchenware, patterns
 from openmap_scenes.homes.parametric.base import Generator, Limits, Made
 from openmap_scenes.homes.parametric.making import (
     CERAMIC,
@@ -433,4 +433,5 @@ GENERATORS: dict[str, Generator] = {
     "jar": jar,
     "wine bottle": wine_bottle,
     "bottle": bottle,
+    **kitchenware.GENERATORS,
 }
