@@ -1,6 +1,7 @@
 """How people furnish: one rule set per kind of room, from the large things to the small ones.
 
-A rule asks the stock for a thing and the room for a place; either may answer None, and the home goes without.
+A rule asks the stock for a thing and the room for a place; either may answer None, and the home goes without. What a room
+cannot do without is in ``NEEDS``: a room that lacks some of it is furnished again.
 """
 
 from __future__ import annotations
@@ -10,231 +11,281 @@ from collections.abc import Callable
 import numpy as np
 
 from openmap_scenes.homes import primitives
-from openmap_scenes.homes.furnisher import Furnisher, wall_behind
-from openmap_scenes.homes.groups import bed_with_room, bedside, desk_things, dining_group, near_middle, sofa_group
-from openmap_scenes.homes.kitchen import furnish_kitchen
+from openmap_scenes.homes.bathroom import furnish_bathroom, furnish_laundry
+from openmap_scenes.homes.furnisher import Furnisher
+from openmap_scenes.homes.groups import (
+    SHELF_THINGS,
+    bed_with_room,
+    bedside,
+    desk_things,
+    dining_group,
+    near_middle,
+    sofa_group,
+)
+from openmap_scenes.homes.kitchen import HOT, furnish_kitchen
 from openmap_scenes.homes.placement import Item, RoomSpace
+from openmap_scenes.homes.plan import Plan
 from openmap_scenes.homes.stock import Stock, own
 
-SOFAS = ("sofa", "corner sofa", "loveseat", "futon")
-
-PLANTS = ("potted plant", "ficus", "yucca", "peace lily", "spider plant")
-
+SOFAS = ("sofa", "corner sofa", "loveseat", "futon", "sofa bed")
+PLANTS = ("potted plant", "ficus", "yucca", "peace lily", "spider plant", "palm", "snake plant", "bamboo plant")
 SMALL_PLANTS = (
-    "potted plant",
-    "bonsai",
-    "cactus",
-    "orchid",
-    "succulent",
-    "flowers",
-    "tulips",
-    "lilies",
-    "bamboo plant",
-)
-
+    "potted plant", "bonsai", "cactus", "orchid", "succulent", "flowers", "tulips", "lilies", "bamboo plant",
+)  # fmt: skip
 SIDEBOARD = (
     "vase", "radio", "candle", "photo frame", "speaker dock", "stereo", "aquarium", "cat statue", "deer figurine", "bowl",
-    "cordless phone", "camera", "fan", "jar", "helmet", "toy car",
+    "cordless phone", "camera", "fan", "jar", "helmet", "toy car", "figurine", "globe", "table lamp", "bowl of fruit",
+    "wine bottle", "teapot", "tray", "basket", "phone", "table clock", "record player",
 )  # fmt: skip
-
 DRESSER = (
-    "vase",
-    "hat",
-    "handbag",
-    "photo frame",
-    "folded clothes",
-    "candle",
-    "cap",
-    "brush",
-    "sunglasses",
-    "briefcase",
-)
-
+    "vase", "hat", "handbag", "photo frame", "folded clothes", "candle", "cap", "briefcase", "jewelry box", "table lamp",
+    "mirror", "box", "bottle", "basket", "stereo", "teddy bear", "figurine",
+)  # fmt: skip
 TOYS = (
     "teddy bear", "toy car", "toy train", "toy plane", "toy", "doll", "soccer ball", "basketball", "puzzle", "xylophone",
-    "rubik's cube", "rocking horse", "dollhouse", "tricycle", "skateboard",
+    "rubik's cube", "rocking horse", "dollhouse", "tricycle", "skateboard", "ball", "building blocks", "toy blocks", "robot",
 )  # fmt: skip
+FLOOR_FINDS = (
+    "suitcase", "laundry basket", "slippers", "sneakers", "shoes", "backpack", "fan", "basket", "cardboard box", "safe",
+    "handbag", "gift box", "electric guitar", "guitar", "box",
+)  # fmt: skip
+# What each kind of room must have: one of every row.
+NEEDS: dict[str, tuple[tuple[str, ...], ...]] = {
+    "living room": (SOFAS, ("television", "wall television", "entertainment center")),
+    "studio": ((*SOFAS, "bed", "day bed"), ("kitchen sink", "washbasin"), HOT, ("bed", "day bed", *SOFAS)),
+    "kitchen": (("kitchen sink", "washbasin"), HOT, ("refrigerator",)),
+    "bedroom": (("bed", "day bed", "captain's bed", "sofa bed"), ("wardrobe", "cupboard", "clothes rack")),
+    "children's room": (("child bed", "bunk bed", "crib", "captain's bed", "day bed", "bed"),),
+    "bathroom": (
+        ("toilet",), ("washbasin", "vanity", "double vanity"), ("bathtub", "corner bathtub", "shower stall", "shower"),
+    ),
+    "office": (("desk",),),
+    "dining room": (("dining table", "round table", "folding table"),),
+    "laundry room": (("washing machine", "dryer"),),
+    "hall": (),
+}  # fmt: skip
+TRIES = 4
 
 
-def furnish_room(space: RoomSpace, stock: Stock) -> list[Item]:
-    """Furnish one room by the rules of its kind and return what stands in it."""
-    f = Furnisher(space, stock, space.rng)
-    RULES[space.name](f)
-    f.ceiling()
-    return space.items
+def furnish_room(plan: Plan, room: int, stock: Stock, rng: np.random.Generator) -> RoomSpace:
+    """Furnish one room by the rules of its kind; the first draw with all that it needs, or else the one that lacks least."""
+    best: tuple[tuple[int, int], RoomSpace] | None = None
+    for _ in range(TRIES):
+        space = RoomSpace(plan, room, rng)
+        f = Furnisher(space, stock, rng)
+        RULES[space.kind](f)
+        f.ceiling()
+        lacks = missing(space, stock)
+        score = (len(lacks), -len(space.items))
+        if best is None or score < best[0]:
+            best = score, space
+        if not lacks:
+            break
+    assert best is not None
+    return best[1]
+
+
+def missing(space: RoomSpace, stock: Stock) -> list[tuple[str, ...]]:
+    """What a room needs, could be had, and is not there: a row of ``NEEDS`` for each."""
+    there = {item.thing.kind for item in space.items}
+    return [row for row in NEEDS[space.kind] if not there & set(row) and any(stock.has(k) for k in row)]
 
 
 def _living(f: Furnisher) -> None:
-    space, stock, rng = f.space, f.stock, f.rng
-    sofa = None
-    for _ in range(4):
-        thing = stock.get(*SOFAS, width=min(space.rect.width, space.rect.depth) - 0.6)
-        sofa = space.against_wall(thing) if thing is not None else None
-        if sofa is not None:
-            break
+    space, rng = f.space, f.rng
+    f.radiator()
+    f.curtains()
+    sofa = _sofa(f, min(space.rect.width, space.rect.depth) - 0.5)
     if sofa is not None:
         sofa_group(f, sofa)
-    if rng.random() < 0.7:
-        f.wall("bookcase", "shelves", "cupboard", "cabinet")
-    board = f.wall("sideboard", "chest of drawers", "dresser", "shelves", "aquarium")
-    f.tops(board, (*SIDEBOARD, *SMALL_PLANTS), 3)
-    if space.rect.width * space.rect.depth > 22 or "dining room" not in space.plan.kinds:
-        dining_group(f, most=4)
-    f.wall("fireplace", "piano", "trunk", "recliner", "bench")
-    f.wall("armchair", "bean bag", corner=True)
-    for _ in range(2):
+    if "dining room" not in space.plan.kinds and space.area > 18:
+        dining_group(f, most=6 if space.area > 26 else 4, wide=1.9)
+    _bookcase(f)
+    board = f.wall("sideboard", "chest of drawers", "cabinet", "console table", height=1.3)
+    f.tops(board, (*SIDEBOARD, *SMALL_PLANTS), 4)
+    f.wall("fireplace", "piano", "recliner", "bench", "grand piano", "trunk", width=1.8)
+    if space.area > 24:
+        _bookcase(f)
+        f.wall("armchair", "bean bag", "rocking chair", "ottoman", corner=True)
+    for _ in range(int(rng.integers(1, 4))):
         f.wall(*PLANTS, corner=True, width=1.1)
-    f.wall("floor lamp", "speaker", "electric guitar", "room divider", corner=True)
-    f.radiator()
-    f.pictures(2, over=sofa)
+    f.wall("floor lamp", "speaker", "electric guitar", "guitar", "room divider", "basket", corner=True)
+    f.wall("basket", "ottoman", "speaker", "magazine rack", "cat tree", corner=True, width=0.6)
+    f.pictures(3, over=sofa)
+    _wall_shelf(f)
+    f.clock()
+
+
+def _sofa(f: Furnisher, wide: float) -> Item | None:
+    for k in range(5):
+        thing = f.stock.get(*SOFAS, width=max(1.4, wide - 0.2 * k))
+        sofa = f.space.against_wall(thing) if thing is not None else None
+        if sofa is not None:
+            return sofa
+    return None
+
+
+def _bookcase(f: Furnisher) -> Item | None:
+    shelf = f.wall("bookcase", "shelves", "bookshelf", width=1.6)
+    f.shelved(shelf, SHELF_THINGS, 7)
+    if shelf is not None and shelf.high[1] < 1.5:
+        f.tops(shelf, (*SIDEBOARD, *SMALL_PLANTS), 3)
+    return shelf
+
+
+def _wall_shelf(f: Furnisher) -> None:
+    item = f.hung(f.stock.get("wall shelf", width=1.4, depth=0.4, height=0.9), 1.3)
+    f.tops(item, ("book", "vase", "candle", "photo frame", "succulent", "figurine", "jar", "cactus", "potted plant"), 3)
 
 
 def _dining(f: Furnisher) -> None:
-    board = f.wall("sideboard", "chest of drawers", "dresser", "cupboard", height=1.3)
-    dining_group(f, most=6)
-    f.tops(board, (*SIDEBOARD, "bowl", "teapot"), 3)
-    f.wall("bookcase", "piano", "fireplace", "cabinet", "grand piano")
-    f.wall("bench", "armchair", "chair", corner=True)
+    f.radiator()
+    f.curtains()
+    dining_group(f, most=8 if f.space.area > 14 else 6)
+    for most in (4, 3):
+        board = f.wall(
+            "sideboard", "chest of drawers", "cupboard", "cabinet", "glass cabinet", "console table", height=2.1
+        )
+        if board is not None and board.high[1] < 1.4:
+            f.tops(board, (*SIDEBOARD, "bowl", "teapot", "jug"), most)
+    f.wall("bookcase", "piano", "fireplace", "cabinet", "grand piano", width=1.8)
+    f.wall("bench", "armchair", "bar table", corner=True)
     for _ in range(2):
         f.wall(*PLANTS, corner=True, width=1.0)
-    f.radiator()
-    f.pictures(3, over=board)
+    f.pictures(3)
+    _wall_shelf(f)
+    f.clock()
 
 
 def _bedroom(f: Furnisher) -> None:
-    space, stock, rng = f.space, f.stock, f.rng
+    stock, rng = f.stock, f.rng
+    f.radiator()
+    f.curtains()
     bed = None
     for _ in range(4):
-        thing = stock.get("bed") or stock.get("day bed", "captain's bed", "sofa bed")
+        thing = stock.get("bed", "day bed", width=2.0) or stock.get("captain's bed", "sofa bed", "bed")
         bed = bed_with_room(f, thing) if thing is not None else None
         if bed is not None:
             break
     if bed is not None:
         bedside(f, bed)
-        middle = (bed.low + bed.high)[[0, 2]] / 2 + bed.front * 0.55
-        f.rug(float(rng.uniform(2.0, 2.6)), 1.6, float(middle[0]), float(middle[1]), bed.angle)
-        space.on_top(own("cushion", primitives.cushion(rng), material="fabric"), bed, level=0.06)
-    f.wall("wardrobe", corner=True) or f.wall("cupboard", "clothes rack", "wardrobe")
-    chest = f.wall("dresser", "chest of drawers", "dressing table", "shelves", "trunk", height=1.5)
-    f.tops(chest, DRESSER, 3)
-    if rng.random() < 0.7:
-        f.wall("armchair", "chair", "bean bag", "stool", corner=True)
-    if rng.random() < 0.5:
-        desk = f.wall("desk", width=1.5)
-        f.tops(desk, ("laptop", "desk lamp", "book", "table lamp"), 2)
+        x, z = bed.middle + bed.front * 0.5
+        f.rug(float(rng.uniform(2.2, 2.9)), 1.7, float(x), float(z), bed.angle)
+        f.cushions(bed, int(rng.integers(1, 3)))
+        f.tops(bed, ("blanket", "folded clothes", "book", "laptop", "teddy bear", "tablet"), 1)
+    _ = f.wall("wardrobe", corner=True, tries=3) or f.wall("cupboard", "clothes rack", "wardrobe", width=1.3, tries=3)
+    chest = f.wall("chest of drawers", "dresser", "dressing table", height=1.5)
+    f.tops(chest, (*DRESSER, *SMALL_PLANTS), 4)
+    if chest is not None and chest.high[1] < 1.2:
+        side, at = f.along(chest)
+        f.mirror(0.7, max(1.15, float(chest.high[1]) + 0.2), side, [at])
+    if f.chance(0.5):
+        desk = f.wall("desk", width=1.4)
+        if desk is not None:
+            desk_things(f, desk, most=2)
+    elif f.chance(0.5):
+        f.shelved(f.wall("shelves", "bookcase", width=1.0), SHELF_THINGS, 5)
+    f.wall("armchair", "chair", "bean bag", "stool", "bench", "ottoman", corner=True, width=1.0)
     f.wall(*PLANTS, corner=True, width=0.9)
-    f.wall("suitcase", "laundry basket", "slippers", "sneakers", "shoes", "safe", "backpack", "fan", corner=True)
-    f.radiator()
+    for _ in range(2):
+        f.wall(*FLOOR_FINDS, corner=True, width=0.8)
+    f.wall("floor lamp", "standing mirror", "clothes rack", "trunk", corner=True, width=0.9)
     f.pictures(2, over=bed)
 
 
 def _children(f: Furnisher) -> None:
     space, stock = f.space, f.stock
-    thing = stock.get("child bed", "bunk bed", "crib", "captain's bed", "day bed") or stock.get("bed", width=1.6)
-    bed = space.against_wall(thing, corner=True) if thing is not None else None
-    if bed is not None:
-        bedside(f, bed)
-        f.tops(bed, ("teddy bear", "doll"), 1)
-    desk = f.wall("desk", width=1.5)
-    if desk is not None:
-        desk_things(f, desk)
-    shelf = f.wall("shelves", "bookcase", "cupboard", "chest of drawers", "dresser", width=1.5)
-    f.tops(shelf, TOYS, 3)
-    f.wall("wardrobe", corner=True)
-    table = stock.get("child table")
-    if table is not None and (item := near_middle(f, table)) is not None:
-        chair = stock.get("child chair")
-        if chair is not None:
-            space.around(chair, item, 2)
-        f.tops(item, TOYS, 2)
-    r = space.rect
-    f.rug(1.8, 1.3, (r.x0 + r.x1) / 2, (r.z0 + r.z1) / 2, 0.0)
+    f.radiator()
+    f.curtains()
+    bed = None
     for _ in range(4):
-        toy = stock.get(*TOYS, height=0.9, fresh=True)
+        thing = stock.get("child bed", "bunk bed", "crib", "captain's bed", "day bed") or stock.get("bed", width=1.6)
+        bed = space.against_wall(thing, corner=True) if thing is not None else None
+        if bed is not None:
+            break
+    if bed is not None:
+        bedside(f, bed, most=1)
+        f.cushions(bed, 1)
+        f.tops(bed, ("teddy bear", "doll", "blanket", "book"), 1)
+    desk = f.wall("desk", width=1.4)
+    if desk is not None:
+        desk_things(f, desk, most=3)
+    f.wall("wardrobe", corner=True, width=1.6) or f.wall("chest of drawers", "dresser", width=1.2)
+    for _ in range(2):
+        shelf = f.wall("shelves", "bookcase", "chest of drawers", width=1.3, height=1.9)
+        f.shelved(shelf, (*TOYS, "book", "box", "basket"), 5)
+        if shelf is not None and shelf.high[1] < 1.5:
+            f.tops(shelf, (*TOYS, "globe", "table lamp"), 3)
+    r = space.rect
+    f.rug(1.9, 1.5, (r.x0 + r.x1) / 2, (r.z0 + r.z1) / 2, 0.0)
+    table = stock.get("child table")
+    if table is not None and (item := near_middle(f, table, margin=0.3)) is not None:
+        chair = stock.get("child chair", "stool", height=0.7, width=0.5)
+        if chair is not None:
+            space.around(chair, item, 2, tuck=0.1)
+        f.tops(item, TOYS, 2)
+    for _ in range(5):
+        toy = stock.get(*TOYS, height=1.1, fresh=True)
         if toy is not None:
             space.anywhere(toy, quarter=False)
-    f.wall("child chair", "bean bag", "stool", "changing table", "cradle", corner=True)
-    f.radiator()
-    f.pictures(2, over=bed)
+    f.wall("bean bag", "child chair", "changing table", "cradle", "toy box", "basket", "potty", corner=True, width=1.0)
+    f.wall("basket", "backpack", "cardboard box", "skateboard", "toy box", corner=True, width=0.6)
+    f.pictures(3, over=bed)
+    _wall_shelf(f)
 
 
 def _office(f: Furnisher) -> None:
-    desk = f.wall("desk")
+    f.radiator()
+    f.curtains(0.6)
+    desk = None
+    for wide in (1.8, 1.6, 1.3):
+        desk = desk or f.wall("desk", width=wide)
     if desk is not None:
-        desk_things(f, desk)
-    f.wall("bookcase", "shelves")
-    f.wall("bookcase", "cabinet", "shelves", "sideboard", "cupboard")
-    cabinet = f.wall("filing cabinet", "safe", "chest of drawers", "shelves", height=1.2)
-    f.tops(cabinet, ("printer", "books", "fan", "radio", "stereo", "speaker dock"), 2)
-    if cabinet is not None:
-        f.space.on_top(own("books", primitives.books(f.rng)), cabinet)
+        desk_things(f, desk, most=6)
+    _bookcase(f)
+    _bookcase(f)
+    cabinet = f.wall("filing cabinet", "safe", "chest of drawers", "sideboard", height=1.2)
+    f.tops(cabinet, ("printer", "fan", "radio", "stereo", "speaker dock", "globe", "box", *SMALL_PLANTS), 3)
+    f.books(cabinet)
     f.wall("armchair", "recliner", "loveseat", "chair", corner=True)
     f.wall("wastebasket", "recycling bin", corner=True)
     f.wall(
-        "whiteboard", "water cooler", "exercise bike", "electric guitar", "midi keyboard", "cardboard box", corner=True
+        "water cooler", "exercise bike", "electric guitar", "midi keyboard", "cardboard box", "floor lamp", corner=True
     )
+    f.wall("exercise bike", "treadmill", "punching bag", "cardboard box", "suitcase", corner=True)
     r = f.space.rect
-    f.rug(1.8, 1.2, (r.x0 + r.x1) / 2, (r.z0 + r.z1) / 2, float(f.rng.integers(2)) * np.pi / 2)
-    f.wall(*PLANTS, corner=True, width=0.9)
-    f.radiator()
+    f.rug(2.0, 1.4, (r.x0 + r.x1) / 2, (r.z0 + r.z1) / 2, float(f.rng.integers(2)) * np.pi / 2)
+    for _ in range(2):
+        f.wall(*PLANTS, corner=True, width=0.9)
+    f.hung(f.stock.get("whiteboard", "notice board", "wall calendar", height=1.2, depth=0.2), 1.1)
     f.pictures(2, over=desk)
-
-
-def _bathroom(f: Furnisher) -> None:
-    space, stock, rng = f.space, f.stock, f.rng
-    tub = f.wall("bathtub", "corner bathtub", "shower stall", corner=True)
-    if tub is None or (tub.thing.kind != "shower stall" and rng.random() < 0.4):
-        f.wall("shower stall", corner=True)
-    basin = f.wall("washbasin", "vanity", "double vanity") or f.wall("washbasin")
-    if basin is not None:
-        side = wall_behind(space, basin)
-        along = float(((basin.low + basin.high) / 2)[0 if side.axis == "x" else 2])
-        if basin.high[1] < 1.25:
-            mirror = own("mirror", primitives.mirror(rng, float(rng.uniform(0.45, 0.7))))
-            space.hang(mirror, max(1.2, float(basin.high[1]) + 0.08), side, [along])
-        f.tops(basin, ("soap dispenser", "bottle", "brush", "cup"), 2)
-    toilet = f.wall("toilet")
-    if toilet is not None:
-        paper = stock.get("toilet paper")
-        if paper is not None:
-            side = wall_behind(space, toilet)
-            along = float(((toilet.low + toilet.high) / 2)[0 if side.axis == "x" else 2])
-            space.hang(paper, 0.6, side, [along + 0.42, along - 0.42])
-    f.wall("bidet")
-    machine = f.wall("washing machine", "dryer")
-    f.tops(machine, ("folded clothes", "towel", "bottle", "soap dispenser"), 2)
-    f.wall("laundry basket", "stool", "wastebasket", corner=True)
-    f.wall("shelves", width=0.7)
-    for kind in ("towel rack", "hanging towel", "towel radiator"):
-        thing = stock.get(kind)
-        if thing is not None:
-            for side in (space.sides[i] for i in rng.permutation(4)):
-                base = 1.0 if kind != "towel radiator" else 0.4
-                if space.hang(thing, base, side, rng.uniform(side.start, side.end, 4).tolist()):
-                    break
-    mat = stock.get("bath mat") or own("bath mat", primitives.rug(rng, 0.75, 0.5))
-    anchor = tub or basin
-    if anchor is not None:
-        extent = float(np.abs(anchor.front) @ (anchor.high - anchor.low)[[0, 2]]) / 2
-        x, z = (anchor.low + anchor.high)[[0, 2]] / 2 + anchor.front * (extent + 0.35)
-        space.put(Item(mat, np.array([x, 0.0, z]), anchor.angle, space.room), rest=True)
-    f.wall("potted plant", corner=True, width=0.6)
+    f.clock()
 
 
 def _hall(f: Furnisher) -> None:
     space, stock, rng = f.space, f.stock, f.rng
-    table = f.wall("chest of drawers", "sideboard", "dresser", "shelves", "cupboard", depth=0.55, width=1.7, height=1.6)
-    f.tops(table, ("keys", "vase", "phone", "cordless phone", "hat", "handbag", "umbrella", *SMALL_PLANTS), 3)
-    f.wall("wardrobe", "clothes rack", "cupboard", depth=0.7)
-    f.wall("bench", "stool", "chair", "trunk", depth=0.6)
-    f.wall("umbrella", "sneakers", "shoes", "backpack", "suitcase", "skateboard", "fire extinguisher", corner=True)
-    f.wall(*PLANTS, corner=True, width=0.7)
-    hooks = stock.get("coat hooks")
-    for side in space.sides:
-        if hooks is not None and space.hang(hooks, 1.6, side, rng.uniform(side.start, side.end, 3).tolist()):
-            break
+    deep = float(np.clip(min(space.rect.width, space.rect.depth) - 0.85, 0.2, 0.5))
+    table = f.wall(
+        "shoe cabinet", "console table", "chest of drawers", "sideboard", depth=deep, width=1.5, height=1.3, tries=4
+    )
+    f.tops(
+        table, ("vase", "phone", "cordless phone", "hat", "handbag", "table lamp", "bowl", "basket", *SMALL_PLANTS), 3
+    )
+    if table is not None and table.high[1] < 1.2:
+        side, at = f.along(table)
+        f.mirror(0.8, max(1.1, float(table.high[1]) + 0.25), side, [at, at + 0.2, at - 0.2])
+    f.hung(stock.get("coat hooks", "coat rack", height=0.6, depth=0.4), 1.55)
+    f.wall("coat rack", "coat stand", "clothes rack", corner=True, width=0.7, depth=max(deep, 0.45))
+    if deep > 0.42:
+        f.wall("wardrobe", "cupboard", depth=0.65, width=1.4)
+    f.wall("bench", "stool", "chair", "trunk", depth=deep)
+    for _ in range(2):
+        f.wall(
+            "umbrella", "umbrella stand", "sneakers", "shoes", "backpack", "suitcase", "skateboard", "fire extinguisher",
+            "shoe rack", "basket", "broom", corner=True, width=0.7, depth=max(deep, 0.35),
+        )  # fmt: skip
+    f.wall(*PLANTS, corner=True, width=0.6)
     r = space.rect
-    along = r.width > r.depth
     mat = stock.get("doormat") or own("doormat", primitives.rug(rng, 0.7, 0.45))
     for o in space.doors:
         if o.kind == "front door":
@@ -242,49 +293,88 @@ def _hall(f: Furnisher) -> None:
             off, mid = o.at + inward * 0.45, (o.start + o.end) / 2
             x, z = (mid, off) if o.axis == "x" else (off, mid)
             space.put(Item(mat, np.array([x, 0.0, z]), 0.0 if o.axis == "x" else np.pi / 2, space.room), rest=True)
-    f.rug(1.6, 0.8, (r.x0 + r.x1) / 2, (r.z0 + r.z1) / 2, 0.0 if along else np.pi / 2)
-    f.pictures(3)
+    long = max(r.width, r.depth)
+    f.rug(
+        min(2.4, 0.6 * long), min(0.9, 0.6 * min(r.width, r.depth)), (r.x0 + r.x1) / 2, (r.z0 + r.z1) / 2,
+        0.0 if r.width > r.depth else np.pi / 2,
+    )  # fmt: skip
+    f.pictures(4)
+    f.clock()
+    if long > 4.5:
+        f.under_ceiling_row(2 if long < 7 else 3)
 
 
 def _kitchen(f: Furnisher) -> None:
-    furnish_kitchen(f.space, f.stock)
-    if f.space.rect.width * f.space.rect.depth > 9 and "dining room" not in f.space.plan.kinds:
-        dining_group(f, most=4)
-    else:
-        island = f.stock.get("kitchen island", "bar table", "round table")
-        item = near_middle(f, island) if island is not None else None
-        stool = f.stock.get("bar stool", "stool")
-        if item is not None and stool is not None:
-            f.space.around(stool, item, 2)
-    f.wall("trash can", "recycling bin", "high chair", "wastebasket", corner=True)
-    f.wall("washing machine", "chest freezer", "shelves", "cupboard", "water cooler")
-    f.wall("broom", "stool", "step stool", "potted plant", corner=True, width=0.6)
+    furnish_kitchen(f)
+    apart = "dining room" in f.space.plan.kinds
+    table = None
+    if f.space.area > 8.5 and (not apart or f.chance(0.4)):
+        table = dining_group(f, most=4, wide=1.5)
+    if table is None:
+        for wide in (1.4, 1.0):
+            island = f.stock.get("kitchen island", "bar table", "round table", width=wide)
+            table = near_middle(f, island, margin=0.6) if island is not None else None
+            if table is not None:
+                stool = f.stock.get("bar stool" if table.high[1] > 0.85 else "stool", "chair", width=0.55)
+                if stool is not None:
+                    f.space.around(stool, table, 2, tuck=0.2)
+                f.tops(table, ("bowl of fruit", "cutting board", "vase", "bread", "mug", "wine bottle", "bowl"), 3)
+                break
+    f.wall("trash can", "recycling bin", "wastebasket", corner=True, width=0.6)
+    if not {"laundry room"} & set(f.space.plan.kinds):
+        f.wall("washing machine", "chest freezer", width=0.9)
+    shelf = f.wall("shelves", "cupboard", "glass cabinet", "sideboard", width=1.2, depth=0.55)
+    f.shelved(shelf, ("jar", "bowl", "pot", "plate", "basket", "teapot", "bottle", "box", "mug", "wine bottle"), 5)
+    if shelf is not None and shelf.high[1] < 1.5:
+        f.tops(shelf, ("radio", "basket", "jar", "fruit bowl", *SMALL_PLANTS), 2)
+    f.wall("high chair", "water cooler", "broom", "step stool", "crate", corner=True, width=0.7)
+    f.wall(*PLANTS, corner=True, width=0.6)
+    f.radiator()
     f.pictures(1)
+    f.clock()
 
 
 def _studio(f: Furnisher) -> None:
-    furnish_kitchen(f.space, f.stock)
-    _bedroom(f)
-    _living(f)
-
-
-def _laundry(f: Furnisher) -> None:
-    machine = f.wall("washing machine", "dryer")
-    f.tops(machine, ("folded clothes", "towel", "bottle", "soap dispenser"), 2)
-    f.wall("dryer", "shelves", "cupboard")
-    f.wall("shelves", "cupboard", width=1.0)
-    f.wall("laundry basket", "broom", "stool", corner=True)
+    space, stock, rng = f.space, f.stock, f.rng
+    f.radiator()
+    f.curtains()
+    furnish_kitchen(f, longest=3.4)
+    bed = None
+    for _ in range(4):
+        thing = stock.get("bed", "day bed", width=1.7, depth=2.3) or stock.get("bed", "sofa bed")
+        bed = space.against_wall(thing, corner=True) if thing is not None else None
+        if bed is not None:
+            break
+    if bed is not None:
+        bedside(f, bed)
+        f.cushions(bed, 1)
+    sofa = _sofa(f, 2.0)
+    if sofa is not None:
+        sofa_group(f, sofa)
+    f.wall("wardrobe", corner=True, width=1.6)
+    dining_group(f, most=3, wide=1.1)
+    _bookcase(f)
+    if f.chance(0.5):
+        desk = f.wall("desk", width=1.3)
+        if desk is not None:
+            desk_things(f, desk, most=3)
+    f.wall("trash can", "wastebasket", corner=True, width=0.5)
+    for _ in range(int(rng.integers(1, 3))):
+        f.wall(*PLANTS, corner=True, width=0.8)
+    f.wall(*FLOOR_FINDS, corner=True, width=0.7)
+    f.pictures(3, over=sofa or bed)
+    f.clock()
 
 
 RULES: dict[str, Callable[[Furnisher], None]] = {
     "living room": _living,
+    "studio": _studio,
     "kitchen": _kitchen,
     "bedroom": _bedroom,
     "children's room": _children,
-    "bathroom": _bathroom,
+    "bathroom": furnish_bathroom,
     "hall": _hall,
     "office": _office,
     "dining room": _dining,
-    "studio": _studio,
-    "laundry room": _laundry,
+    "laundry room": furnish_laundry,
 }

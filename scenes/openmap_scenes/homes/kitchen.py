@@ -1,57 +1,69 @@
-"""The kitchen run: refrigerator, cabinets, sink and stove side by side along a wall, cabinets and a hood above."""
+"""The kitchen run: cabinets, sink, dishwasher and stove side by side under one worktop, cabinets and a hood above."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from openmap_scenes.homes.furnisher import Furnisher, large_enough, stretched
 from openmap_scenes.homes.placement import GAP, Item, RoomSpace, Thing, turn_of
 from openmap_scenes.homes.plan import Side
-from openmap_scenes.homes.stock import Stock
 
-DEPTH = 0.66
+# A counter's height and depth, m; units of different makers are brought to them so that the worktop runs on.
+HEIGHT, DEPTH = 0.9, 0.62
+BASES = ("kitchen cabinet", "kitchen drawers")
+HOT = ("stove", "double oven", "oven")
 COUNTER = (
     "microwave", "toaster", "kettle", "coffee maker", "coffee machine", "blender", "knife block", "cutting board", "bread",
     "bread box", "pot", "bowl", "bowl of fruit", "stand mixer", "paper towels", "spice rack", "utensil holder", "teapot",
     "kitchen scale", "milk carton", "wine bottle", "oil bottles", "mug", "glass", "toaster oven", "sandwich maker", "jar",
-    "juicer", "moka pot", "beer bottle", "plate", "coffee press", "deep fryer", "sugar bowl", "butter", "yogurt bottle",
-    "sushi tray", "creamer", "cocktail glass", "radio", "tray",
+    "juicer", "moka pot", "beer bottle", "plate", "coffee press", "deep fryer", "sugar bowl", "butter", "sushi tray", "cup",
+    "radio", "tray", "bottle", "pan", "rice cooker", "dish rack", "cereal box", "potted plant", "jug", "basket", "banana",
 )  # fmt: skip
 
 
-def furnish_kitchen(space: RoomSpace, stock: Stock) -> list[Item]:
+def furnish_kitchen(f: Furnisher, longest: float = 9.0) -> list[Item]:
     """Put the run down along the wall with the longest free stretch, and things on its counter; returns the base units."""
-    rng = space.rng
+    space, rng = f.space, f.rng
     placed: list[Item] = []
-    fridge = stock.get("refrigerator")
-    if fridge is not None:
-        item = _at_an_end(space, fridge) or space.against_wall(fridge, tries=80)
-        placed += [item] if item is not None else []
-    units = _units(stock)
-    for length, i, a, b in _stretches(space)[:3]:
-        chosen, left = [], length - 2 * GAP
-        for unit in list(units):
-            if unit.model.size[0] <= left:
-                chosen.append(unit)
-                units.remove(unit)
-                left -= float(unit.model.size[0])
-        placed += _row(space, space.sides[i], a + GAP, b - GAP, _ordered(chosen), bool(rng.random() < 0.5))
-        if not units:
+    units = _units(f)
+    stretches = _stretches(space)
+    for n, (length, i, a, b) in enumerate(stretches[:3]):
+        side, left = space.sides[i], min(length - 2 * GAP, longest)
+        if n > 0 and not units and not (placed and len(placed) < 6):
             break
+        row = _chosen(f, units, left, fill=n == 0)
+        flip = bool(rng.random() < 0.5)
+        a, b = (b - GAP - left, b - GAP) if flip else (a + GAP, a + GAP + left)
+        placed += _row(space, side, a, b, row, flip)
+    if not any(p.thing.kind == "refrigerator" for p in placed):
+        fridge = f.stock.get("refrigerator", width=0.9) or f.stock.get("refrigerator")
+        item = space.against_wall(fridge, tries=80) if fridge is not None else None
+        placed += [item] if item is not None else []
     for unit in units:
-        if unit.kind in ("stove", "kitchen sink"):
-            item = space.against_wall(unit, tries=120)
-            placed += [item] if item is not None else []
-    _above(space, stock, placed)
-    counters = [p for p in placed if p.thing.kind in ("kitchen cabinet", "kitchen drawers")]
-    order = [COUNTER[i] for i in rng.permutation(len(COUNTER))]
-    for kind in order[:20]:
-        thing = stock.get(kind, height=0.55, fresh=True)
-        if thing is None or not counters:
-            continue
-        for k in rng.permutation(len(counters)).tolist():
-            if space.on_top(thing, counters[k], tries=5) is not None:
-                break
+        item = space.against_wall(unit, tries=120)
+        placed += [item] if item is not None else []
+    _above(f, placed)
+    _on_counter(f, [p for p in placed if p.thing.kind in BASES or p.thing.kind == "dishwasher"])
+    sink = next((p for p in placed if p.thing.kind == "kitchen sink"), None)
+    f.tops(sink, ("soap dispenser", "dish rack", "plate", "glass", "utensil holder"), 1)
+    stove = next((p for p in placed if p.thing.kind == "stove"), None)
+    f.tops(stove, ("pot", "pan", "kettle", "moka pot"), 2)
     return placed
+
+
+def _on_counter(f: Furnisher, counters: list[Item]) -> None:
+    order = [COUNTER[i] for i in f.rng.permutation(len(COUNTER))]
+    wanted = 3 * len(counters) + 2
+    for kind in order:
+        if wanted <= 0 or not counters:
+            break
+        thing = f.stock.get(kind, height=0.5, depth=0.55, fresh=True)
+        if thing is None or not large_enough(thing):
+            continue
+        for k in f.rng.permutation(len(counters)).tolist():
+            if f.space.on_top(thing, counters[k], tries=6) is not None:
+                wanted -= 1
+                break
 
 
 def _stretches(space: RoomSpace) -> list[tuple[float, int, float, float]]:
@@ -59,44 +71,80 @@ def _stretches(space: RoomSpace) -> list[tuple[float, int, float, float]]:
     return sorted(((b - a, i, a, b) for i, side in enumerate(space.sides) for a, b in _free(space, side)), reverse=True)
 
 
-def _at_an_end(space: RoomSpace, thing: Thing) -> Item | None:
-    """A thing at an end of a free stretch of wall that leaves the rest of it to the counter."""
-    half = float(thing.model.size[0]) / 2 + GAP
-    for _, i, a, b in _stretches(space):
-        ends = (a + half, b - half) if space.rng.random() < 0.5 else (b - half, a + half)
-        for at in ends:
-            if (item := space.against_wall(thing, [space.sides[i]], at=at)) is not None:
-                return item
-    return None
+def _unit(f: Furnisher, *kinds: str) -> Thing | None:
+    """A unit of the home's one kitchen style, brought to the counter's height and depth."""
+    match = any(f.stock.makes(k) for k in kinds) and f.stock.kitchen_made
+    thing = f.stock.get(*kinds, height=1.25, width=1.25, depth=0.75, match=match, made=True if match else None)
+    return stretched(thing, height=HEIGHT, depth=DEPTH) if thing is not None else None
 
 
-def _units(stock: Stock) -> list[Thing]:
-    """What a run is made of, the most needed first; cabinets of one model so that they match."""
-    cabinet, drawers = stock.get("kitchen cabinet"), stock.get("kitchen drawers")
+def _units(f: Furnisher) -> list[Thing]:
+    """What every kitchen needs, the most needed first."""
     wanted = [
-        stock.get("kitchen sink") or stock.get("washbasin", height=1.0),
-        stock.get("stove") or stock.get("tall cabinet", "double oven", "oven"),
-        cabinet,
-        drawers or cabinet,
-        cabinet,
-        stock.get("tall cabinet", "double oven", fresh=True),
-        cabinet,
+        _unit(f, "kitchen sink") or f.stock.get("washbasin", height=1.0),
+        _unit(f, "stove") or f.stock.get(*HOT),
     ]
     return [unit for unit in wanted if unit is not None]
 
 
-def _ordered(units: list[Thing]) -> list[Thing]:
-    """Tall ones at the end, the sink and the stove apart with a cabinet between."""
-    tall = [u for u in units if u.model.size[1] > 1.3]
-    low = [u for u in units if u.kind in ("kitchen cabinet", "kitchen drawers")]
-    wet = [u for u in units if u not in tall and u not in low]
-    row = list(tall)
-    while low or wet:
-        if low:
-            row.append(low.pop(0))
-        if wet:
-            row.append(wet.pop(0))
-    return row
+def _chosen(f: Furnisher, units: list[Thing], left: float, fill: bool) -> list[Thing]:
+    """Which units stand in a stretch of ``left`` m, in order; what is needed is taken out of ``units``."""
+    needed = []
+    for unit in list(units):
+        if unit.model.size[0] <= left:
+            needed.append(unit)
+            units.remove(unit)
+            left -= float(unit.model.size[0])
+    tall = []
+    if fill:
+        fridge = f.stock.get("refrigerator", width=min(left, 0.95), height=2.1)
+        if fridge is not None:
+            tall.append(fridge)
+            left -= float(fridge.model.size[0])
+        washer = _unit(f, "dishwasher") if left > 1.2 else None
+        if washer is not None and washer.model.size[0] < left:
+            needed.insert(1, washer)
+            left -= float(washer.model.size[0])
+        extra = f.stock.get("tall cabinet", "double oven", height=2.3) if left > 1.9 and f.chance(0.4) else None
+        if extra is not None and extra.model.size[0] < left - 0.8:
+            tall.append(extra)
+            left -= float(extra.model.size[0])
+    return [*tall, *_mixed(needed, _fillers(f, left))]
+
+
+def _fillers(f: Furnisher, left: float) -> list[Thing]:
+    """Cabinets and drawers that fill ``left`` m to the end."""
+    cabinet, drawers = _unit(f, "kitchen cabinet"), _unit(f, "kitchen drawers")
+    kinds = [c for c in (cabinet, drawers) if c is not None]
+    if not kinds or left < 0.3:
+        return []
+    out: list[Thing] = []
+    while left > 0.3 and len(out) < 8:
+        unit = kinds[len(out) % len(kinds)]
+        width = float(unit.model.size[0])
+        if width > left * 1.3:
+            unit = min(kinds, key=lambda u: float(u.model.size[0]))
+            width = float(unit.model.size[0])
+            if width * 0.72 > left:
+                break
+        rest = left - width
+        if rest < 0.3:
+            width = min(left, width * 1.34)
+        unit = stretched(unit, width=width)
+        out.append(unit)
+        left -= float(unit.model.size[0])
+    return out
+
+
+def _mixed(needed: list[Thing], fillers: list[Thing]) -> list[Thing]:
+    """Needed units with cabinets between them, so that sink and stove have a worktop on both sides."""
+    row, rest = [], list(fillers)
+    share = len(fillers) / (len(needed) + 1)
+    for k, unit in enumerate(needed):
+        while rest and len(fillers) - len(rest) < round(share * (k + 1)):
+            row.append(rest.pop(0))
+        row.append(unit)
+    return [*row, *rest]
 
 
 def _row(space: RoomSpace, side: Side, a: float, b: float, units: list[Thing], flip: bool) -> list[Item]:
@@ -117,16 +165,15 @@ def _free(space: RoomSpace, side: Side) -> list[tuple[float, float]]:
     """Stretches of a wall before which a counter may stand: no door in it or beside it, no low window."""
     axis = 0 if side.axis == "x" else 1
     blocked = []
-    for zone in space.zones:
+    low, high = sorted((side.at, side.at + side.inward * (DEPTH + 0.04)))
+    for zone in (*space.zones, *space.leaves):
         span = ((zone.x0, zone.x1), (zone.z0, zone.z1))
         near = span[1 - axis]
-        low, high = sorted((side.at, side.at + side.inward * DEPTH))
         if near[0] < high and near[1] > low:
-            blocked.append(span[axis])
-    blocked += [(o.start, o.end) for o in space.plan.on_side(side) if o.kind == "window" and o.sill < 1.1]
+            blocked.append((span[axis][0] - 0.03, span[axis][1] + 0.03))
+    blocked += [(o.start, o.end) for o in space.plan.on_side(side) if o.sill < HEIGHT + 0.08]
     for item in space.items:
-        near = (item.low[2 - 2 * axis], item.high[2 - 2 * axis])
-        low, high = sorted((side.at, side.at + side.inward * DEPTH))
+        near = (float(item.low[2 - 2 * axis]), float(item.high[2 - 2 * axis]))
         if item.low[1] < 1.0 and near[0] < high and near[1] > low:
             blocked.append((float(item.low[2 * axis]), float(item.high[2 * axis])))
     free, cursor = [], side.start
@@ -137,19 +184,24 @@ def _free(space: RoomSpace, side: Side) -> list[tuple[float, float]]:
     return free
 
 
-def _above(space: RoomSpace, stock: Stock, placed: list[Item]) -> None:
-    """A hood over the stove, wall cabinets over the counter."""
-    cabinet = stock.get("wall cabinet", "glass cabinet", width=0.7)
+def _above(f: Furnisher, placed: list[Item]) -> None:
+    """A hood over the stove, wall cabinets of one make over the counter, as wide as what they hang over."""
+    space, stock = f.space, f.stock
+    match = stock.kitchen_made and stock.makes("wall cabinet")
+    cabinet = stock.get(
+        "wall cabinet", "glass cabinet", width=1.0, height=0.95, match=match, made=True if match else None
+    )
+    hood = stock.get("range hood", width=1.1, height=1.0)
     for base in placed:
-        side = min(space.sides, key=lambda s: turn_of(s) != base.angle)
-        along = float(((base.low + base.high) / 2)[0 if side.axis == "x" else 2])
-        if base.thing.kind == "stove":
-            hood = stock.get("range hood", width=1.1)
+        side, along = f.along(base)
+        wide = 2 * base.half_width
+        if base.thing.kind == "stove" and base.high[1] < 1.3:
             if hood is not None:
-                space.hang(hood, 1.62, side, [along])
-        elif base.high[1] < 1.3 and cabinet is not None:
-            width = float(cabinet.model.size[0])
-            room = float((base.high - base.low)[0 if side.axis == "x" else 2])
-            n = int(room / width + 0.05)
+                fitted = stretched(hood, width=min(wide, 0.9))
+                space.hang(fitted, min(1.65, space.ceiling - 0.05 - float(fitted.model.size[1])), side, [along])
+        elif base.high[1] < 1.3 and cabinet is not None and base.thing.kind != "washbasin":
+            n = max(1, round(wide / float(cabinet.model.size[0])))
+            fitted = stretched(cabinet, width=wide / n - 0.004)
             for k in range(n):
-                space.hang(cabinet, 1.45, side, [along + (k + 0.5 - n / 2) * (width + 0.001)])
+                at = along + (k + 0.5 - n / 2) * (float(fitted.model.size[0]) + 0.002)
+                space.hang(fitted, min(1.45, space.ceiling - 0.08 - float(fitted.model.size[1])), side, [at])

@@ -18,14 +18,40 @@ REACHES = (0.3, 0.7, 1.4)
 AMBIENT, SKY, LAMP = 0.62, 1.5, 0.85
 DAY = np.array([0.97, 1.0, 1.03])
 WARM = np.array([1.03, 0.99, 0.91])
+GLOW = 0.16
 
 
 @dataclass(frozen=True)
 class Light:
-    """A patch that shines: ``points`` (K, 3) m on it, ``normal`` (3,) or None for all around, ``power``, ``tint`` (3,)."""
+    """A patch that shines: ``points`` (K, 3) m on it, ``normal`` (3,) or None for all around, ``power``, ``tint`` (3,).
+
+    ``reach`` m is how far it is felt; what lies within ``past`` m of it, its own shade, casts no shadow.
+    """
 
     points: npt.NDArray[np.float64]
     normal: npt.NDArray[np.float64] | None
+    power: float
+    tint: npt.NDArray[np.float64]
+    reach: float = 50.0
+    past: float = 0.0
+
+
+@dataclass(frozen=True)
+class Sun:
+    """Parallel light that comes in at windows.
+
+    Parameters
+    ----------
+    towards : (3,) float64
+        Unit vector to the sun.
+    holes : list of (axis along the wall 0 or 2, place on the other axis m, low, high)
+        Glass: (along, height) m of two corners.
+    power : float
+    tint : (3,) float64
+    """
+
+    towards: npt.NDArray[np.float64]
+    holes: list[tuple[int, float, tuple[float, float], tuple[float, float]]]
     power: float
     tint: npt.NDArray[np.float64]
 
@@ -37,6 +63,7 @@ def bake(
     faces: npt.NDArray[np.int32],
     lights: list[Light],
     may_hide: npt.NDArray[np.bool_],
+    sun: Sun | None = None,
     rays: int = 18,
 ) -> npt.NDArray[np.uint8]:
     """Colours (V, 3) uint8 sRGB at points (V, 3) m with normals (V, 3); vertices (W, 3) and faces (F, 3) cast the shadows.
@@ -56,6 +83,8 @@ def bake(
     total = AMBIENT * (openness * (0.86 + 0.14 * normal[:, 1]))[:, None] * np.ones(3)
     for light in lights:
         total += _direct(origin, normal, light, caster)[:, None] * light.tint
+    if sun is not None:
+        total += _sunlight(origin, normal, sun, caster)[:, None] * sun.tint
     total[(openness == 0.0) & may_hide[first]] = 0.4
     shade = np.clip(1.0 - np.exp(-2.1 * total), 0.0, 1.0) ** 0.8
     return np.asarray(np.round(255.0 * np.clip(shade * 1.06, 0.22, 1.0)), np.uint8)[inverse]
@@ -96,9 +125,33 @@ def _direct(
         strength = np.maximum((normal * unit).sum(1), 0.0)
         if light.normal is not None:
             strength = strength * np.maximum(-(unit @ light.normal.astype(np.float32)), 0.0)
-        strength = strength / (0.6 + r * r)
-        lit = np.flatnonzero(strength * light.power > 0.006)
+        strength = strength / ((0.6 if light.past == 0.0 else 0.06) + r * r)
+        lit = np.flatnonzero((strength * light.power > 0.006) & (r < light.reach) & (r > light.past))
         if len(lit):
             # A ray as long as the way to the light; its last stretch is left out, where the lamp itself is.
-            total[lit] += strength[lit] * ~caster.blocked(origin[lit], to[lit], 0.97)
+            free = ~caster.blocked(origin[lit], to[lit] * (1.0 - light.past / r[lit])[:, None], 0.97)
+            total[lit] += strength[lit] * free
     return total * light.power / len(light.points)
+
+
+def _sunlight(
+    origin: npt.NDArray[np.float32], normal: npt.NDArray[np.float32], sun: Sun, caster: RayCaster
+) -> npt.NDArray[np.float64]:
+    """What the sun sends through the windows to each place, (V,)."""
+    total = np.zeros(len(origin))
+    cosine = normal @ sun.towards.astype(np.float32)
+    for axis, at, low, high in sun.holes:
+        other = 2 - axis
+        if abs(sun.towards[other]) < 0.15:
+            continue
+        t = (at - origin[:, other]) / sun.towards[other]
+        along, height = origin[:, axis] + t * sun.towards[axis], origin[:, 1] + t * sun.towards[1]
+        inside = (along > low[0]) & (along < high[0]) & (height > low[1]) & (height < high[1])
+        lit = np.flatnonzero((t > 0.1) & (t < 9.0) & (cosine > 0.02) & inside)
+        if len(lit):
+            way = (t[lit, None] * sun.towards).astype(np.float32)
+            # The glass and its bars, 15 cm deep in the wall, let it through.
+            end = 1.0 - 0.16 / (t[lit] * abs(sun.towards[other]))
+            free = ~caster.blocked(origin[lit], way * np.maximum(end, 0.0)[:, None].astype(np.float32), 1.0)
+            total[lit] = np.maximum(total[lit], cosine[lit] * free)
+    return total * sun.power

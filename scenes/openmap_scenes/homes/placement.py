@@ -47,11 +47,39 @@ class Item:
     room: int
     low: npt.NDArray[np.float64] = field(init=False)
     high: npt.NDArray[np.float64] = field(init=False)
+    support: Item | None = field(init=False, default=None, repr=False)
     _caster: RayCaster | None = field(init=False, default=None, repr=False)
 
     def __post_init__(self) -> None:
         world = self.world(self.thing.model.vertices)
         self.low, self.high = world.min(0), world.max(0)
+
+    @property
+    def middle(self) -> npt.NDArray[np.float64]:
+        """The middle of its box on the floor, (x, z) m."""
+        return np.asarray((self.low + self.high)[[0, 2]] / 2)
+
+    @property
+    def half_depth(self) -> float:
+        """Half of its extent along its front, m."""
+        return float(np.abs(self.front) @ (self.high - self.low)[[0, 2]]) / 2
+
+    @property
+    def half_width(self) -> float:
+        """Half of its extent across its front, m."""
+        return float(np.abs(self.front[::-1]) @ (self.high - self.low)[[0, 2]]) / 2
+
+    @property
+    def right(self) -> npt.NDArray[np.float64]:
+        """What lies to its right for someone who looks at its front, (x, z)."""
+        return np.array([self.front[1], -self.front[0]])
+
+    @property
+    def caster(self) -> RayCaster:
+        """Casts rays against it where it stands."""
+        if self._caster is None:
+            self._caster = RayCaster(self.world(self.thing.model.vertices), self.thing.model.faces)
+        return self._caster
 
     @property
     def rotation(self) -> npt.NDArray[np.float64]:
@@ -75,16 +103,70 @@ class Item:
 
     def height_under(self, rect: Rect, level: float) -> float | None:
         """Height, m, on which something with that footprint stands on this item, or None where it is not flat to ``level`` m."""
-        if self._caster is None:
-            self._caster = RayCaster(self.world(self.thing.model.vertices), self.thing.model.faces)
+        return self.height_below(rect, float(self.high[1]) + 0.5, level)
+
+    def height_below(self, rect: Rect, y: float, level: float) -> float | None:
+        """The same for what lies below a height ``y`` m: a board of a shelf."""
         x = np.linspace(rect.x0, rect.x1, max(3, int(rect.width / 0.02) + 2))
         z = np.linspace(rect.z0, rect.z1, max(3, int(rect.depth / 0.02) + 2))
         start = np.stack(np.meshgrid(x, z), -1).reshape(-1, 2)
-        origin = np.insert(start, 1, self.high[1] + 0.5, axis=1)
-        hit = self._caster.distance(origin, np.broadcast_to([0.0, -1.0, 0.0], origin.shape))
+        origin = np.insert(start, 1, y, axis=1)
+        hit = self.caster.distance(origin, np.broadcast_to([0.0, -1.0, 0.0], origin.shape))
         if not np.isfinite(hit).all() or np.ptp(hit) > level:
             return None
-        return float(self.high[1] + 0.5 - hit.min())
+        return float(y - hit.min())
+
+
+def run_together(a: Item, b: Item, tolerance: float = 0.008) -> bool:
+    """Whether an edge of one goes through a face of the other and sticks out by more than ``tolerance`` m at both ends."""
+    low, high = np.maximum(a.low, b.low) - 1e-3, np.minimum(a.high, b.high) + 1e-3
+    if np.any(high < low):
+        return False
+    for edges_of, faces_of in ((a, b), (b, a)):
+        world = edges_of.world(edges_of.thing.model.vertices)
+        pairs = np.unique(np.sort(edges_of.thing.model.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
+        start, end = world[pairs[:, 0]], world[pairs[:, 1]]
+        near = np.all((np.minimum(start, end) <= high) & (np.maximum(start, end) >= low), axis=1)
+        start, way = start[near], (end - start)[near]
+        if len(start) == 0:
+            continue
+        for origin, ray in ((start, way), (start + way, -way)):
+            t, length = faces_of.caster.distance(origin, ray), np.linalg.norm(way, axis=1)
+            crosses = np.isfinite(t) & (t * length > tolerance) & ((1.0 - t) * length > tolerance)
+            if crosses.any():
+                return True
+    return False
+
+
+def shelf_boards(shelf: Item) -> list[tuple[float, float, float, float]]:
+    """Places inside a piece of furniture: (height of the board, free height above it, m along its right, m along its front)."""
+    found = []
+    half = shelf.half_width
+    for along in np.linspace(-0.8, 0.8, max(3, int(half / 0.12))) * half:
+        off = 0.15 * shelf.half_depth
+        x, z = shelf.middle + shelf.right * along + shelf.front * off
+        top, y = None, float(shelf.high[1]) + 0.1
+        for _ in range(40):
+            hit = float(shelf.caster.distance(np.array([[x, y, z]]), np.array([[0.0, -1.0, 0.0]]))[0])
+            if not np.isfinite(hit) or y - hit < shelf.low[1] + 0.03:
+                break
+            height = y - hit
+            if top is not None and top - height > 0.14:
+                found.append((height, top - height, float(along), float(off)))
+            top, y = height, height - 0.012
+            # A solid board or block is left before the next one is looked for.
+            top = height - 0.02
+    return found
+
+
+def _open_to_front(item: Item, shelf: Item) -> bool:
+    """Whether most of a thing in a shelf can be seen from straight before the shelf."""
+    s, t = (g.reshape(-1) for g in np.meshgrid((-0.7, 0.0, 0.7), (0.2, 0.5, 0.8)))
+    half, tall = item.half_width, float(item.high[1] - item.low[1])
+    across = item.middle + np.outer(s * half, shelf.right)
+    start = np.insert(across + shelf.front * item.half_depth, 1, item.low[1] + t * tall, axis=1)
+    way = np.broadcast_to(np.insert(shelf.front, 1, 0.0), start.shape)
+    return bool((~np.isfinite(shelf.caster.distance(start, way))).mean() > 0.85)
 
 
 def turn_of(side: Side) -> float:
@@ -97,7 +179,8 @@ class RoomSpace:
 
     def __init__(self, plan: Plan, room: int, rng: np.random.Generator) -> None:
         self.plan, self.room, self.rng = plan, room, rng
-        self.name, self.rect, self.sides = plan.kinds[room], plan.inner(room), plan.sides(room)
+        self.name, self.kind, self.ceiling = plan.names[room], plan.kinds[room], plan.ceiling
+        self.rect, self.sides = plan.inner(room), plan.sides(room)
         self.items: list[Item] = []
         self.doors = [o for o in plan.openings if room in o.rooms and o.kind != "window"]
         self.zones = [o.zone(CLEARANCE) for o in self.doors]
@@ -105,7 +188,23 @@ class RoomSpace:
         self._x = np.arange(self.rect.x0 + CELL / 2, self.rect.x1, CELL)
         self._z = np.arange(self.rect.z0 + CELL / 2, self.rect.z1, CELL)
 
-    def put(self, item: Item, support: Item | None = None, rest: bool = False) -> Item | None:
+    @property
+    def area(self) -> float:
+        """Of the floor, m2."""
+        return self.rect.width * self.rect.depth
+
+    def remove(self, items: list[Item]) -> None:
+        """Take things away again."""
+        self.items = [i for i in self.items if not any(i is o for o in items)]
+
+    def put(
+        self,
+        item: Item,
+        support: Item | None = None,
+        rest: bool = False,
+        under: Item | None = None,
+        drape: bool = False,
+    ) -> Item | None:
         """Put an item down if every rule allows it.
 
         Parameters
@@ -114,6 +213,10 @@ class RoomSpace:
             What it stands on, which its box may overlap.
         rest : bool
             It lies flat on the floor and others may stand on it (a rug).
+        under : Item or None
+            What it may be pushed under as far as the solids themselves leave room (a chair under a table).
+        drape : bool
+            It hangs at a window and may cover its edges.
         """
         low, high = item.low, item.high
         if rest:
@@ -123,20 +226,23 @@ class RoomSpace:
                 return None
             self.items.append(item)
             return item
-        if not self._inside(item) or high[1] > self.plan.ceiling + 1e-6:
+        if not self._inside(item) or high[1] > self.ceiling + 1e-6:
             return None
         for other in self.items:
             if other is support or self._flat(other):
                 continue
-            if np.all(np.minimum(high, other.high) - np.maximum(low, other.low) > 0.003):
+            if np.all(np.minimum(high, other.high) - np.maximum(low, other.low) > 0.003) and (
+                other is not under or run_together(item, other)
+            ):
                 return None
         if low[1] < DOOR_HEIGHT and any(item.footprint.overlaps(leaf) for leaf in self.leaves):
             return None
         if low[1] < BODY_HEIGHT and support is None:
             if any(item.footprint.overlaps(zone) for zone in self.zones):
                 return None
-            if self._stands_before_window(item) or not self._walkable([*self.items, item]):
+            if (not drape and self._stands_before_window(item)) or not self._walkable([*self.items, item]):
                 return None
+        item.support = support
         self.items.append(item)
         return item
 
@@ -166,13 +272,23 @@ class RoomSpace:
                 spots = [spots[i] for i in self.rng.permutation(len(spots))]
             for along in spots:
                 x, z = side.point(along, depth / 2 + GAP)
-                item = Item(thing, np.array([x, thing.elevation, z]), turn_of(side), self.room)
+                item = Item(thing, np.array([x, 0.0, z]), turn_of(side), self.room)
                 if self.put(item) is not None:
                     return item
         return None
 
-    def hang(self, thing: Thing, height: float, side: Side, along: list[float]) -> Item | None:
-        """Hang a thing on a wall, its base ``height`` m above the floor, at the first of the places that is free."""
+    def hang(
+        self, thing: Thing, height: float, side: Side, along: list[float], clear: float = 0.0, off: float = 0.002
+    ) -> Item | None:
+        """Hang a thing on a wall, its base ``height`` m above the floor, at the first of the places that is free.
+
+        Parameters
+        ----------
+        clear : float
+            Free width, m, that is left on both sides between it and its neighbours on the wall.
+        off : float
+            Between the wall and its back, m.
+        """
         width, tall, depth = thing.model.size
         for centre in along:
             low, high = centre - width / 2, centre + width / 2
@@ -183,9 +299,38 @@ class RoomSpace:
                 for o in self.plan.on_side(side)
             ):
                 continue
-            x, z = side.point(centre, depth / 2 + 0.002)
+            x, z = side.point(centre, depth / 2 + off)
             item = Item(thing, np.array([x, height, z]), turn_of(side), self.room)
+            if clear > 0.0 and self._crowded(item, side, clear):
+                continue
             if self.put(item) is not None:
+                return item
+        return None
+
+    def _crowded(self, item: Item, side: Side, clear: float) -> bool:
+        axis = 0 if side.axis == "x" else 2
+        low, high = item.low.copy(), item.high.copy()
+        low[axis] -= clear
+        high[axis] += clear
+        return any(np.all(np.minimum(high, o.high) - np.maximum(low, o.low) > 0.0) for o in self.items)
+
+    def in_shelf(self, thing: Thing, shelf: Item, tries: int = 6) -> Item | None:
+        """Stand a thing on a board of a shelf that is open to the front, or None where none is free."""
+        boards = shelf_boards(shelf)
+        for k in self.rng.permutation(len(boards)).tolist()[:tries]:
+            height, room, along, off = boards[k]
+            if thing.model.size[1] > room - 0.02:
+                continue
+            x, z = shelf.middle + shelf.right * along + shelf.front * off
+            item = Item(thing, np.array([x, height, z]), shelf.angle, self.room)
+            if np.any((item.low < shelf.low - 1e-3)[[0, 2]]) or np.any((item.high > shelf.high + 1e-3)[[0, 2]]):
+                continue
+            stands = shelf.height_below(item.footprint, height + room / 2, 0.008)
+            if stands is None or abs(stands - height) > 0.01 or run_together(item, shelf, 0.004):
+                continue
+            if not _open_to_front(item, shelf):
+                continue
+            if self.put(item, support=shelf) is not None:
                 return item
         return None
 
@@ -225,12 +370,12 @@ class RoomSpace:
     def facing(self, thing: Thing, anchor: Item, distance: float, rest: bool = False) -> Item | None:
         """Stand a thing before an anchor, turned as it is, ``distance`` m of floor between them."""
         size = thing.model.size
-        reach = self._half_depth(anchor) + distance + size[2] / 2
-        middle = (anchor.low + anchor.high)[[0, 2]] / 2 + anchor.front * reach
+        reach = anchor.half_depth + distance + size[2] / 2
+        middle = anchor.middle + anchor.front * reach
         return self.put(Item(thing, np.array([middle[0], 0.0, middle[1]]), anchor.angle, self.room), rest=rest)
 
-    def around(self, thing: Thing, table: Item, most: int) -> list[Item]:
-        """Chairs around a table, their fronts to it: along its long sides first."""
+    def around(self, thing: Thing, table: Item, most: int, tuck: float = 0.0) -> list[Item]:
+        """Chairs around a table, their fronts to it, pushed under it by up to ``tuck`` m: along its long sides first."""
         width, _, depth = thing.model.size
         extent = (table.high - table.low)[[0, 2]]
         seats = []
@@ -251,13 +396,19 @@ class RoomSpace:
             centre[other] += sign * (extent[other] / 2 + 0.02 + depth / 2)
             look = np.zeros(2)
             look[other] = -sign
-            angle = float(np.arctan2(look[0], look[1]) + self.rng.normal(0, 0.05))
+            angle = float(np.arctan2(look[0], look[1]) + self.rng.normal(0, 0.04))
             item = Item(thing, np.array([centre[0], 0.0, centre[1]]), angle, self.room)
             excess = (item.high - item.low)[[0, 2]][other] - depth
-            item.position[[0, 2][other]] += sign * excess / 2
-            item = Item(thing, item.position, angle, self.room)
-            if self.put(item) is not None:
-                placed.append(item)
+            reach = excess / 2 - tuck
+            for back in (0.0, 0.12, 0.24, 0.36):
+                position = item.position.copy()
+                position[[0, 2][other]] += sign * (reach + back)
+                tucked = self.put(Item(thing, position, angle, self.room), under=table)
+                if tucked is not None:
+                    placed.append(tucked)
+                    break
+                if reach + back > excess / 2:
+                    break
         return placed
 
     def anywhere(self, thing: Thing, tries: int = 12, quarter: bool = True) -> Item | None:
@@ -335,11 +486,6 @@ class RoomSpace:
                 if o.kind == "window" and item.high[1] > o.sill + 0.12 and low < o.end and high > o.start:
                     return True
         return False
-
-    @staticmethod
-    def _half_depth(item: Item) -> float:
-        extent = (item.high - item.low)[[0, 2]]
-        return float(np.abs(item.front) @ extent) / 2
 
     @staticmethod
     def _flat(item: Item) -> bool:

@@ -1,10 +1,35 @@
 """Furniture made by rule: every call draws another size, style, material and texture.
 
-``GENERATORS`` gives the generator of a kind; kinds are named as in ``kinds.tsv``.
+``GENERATORS`` gives the generator of a kind; kinds are named as in ``kinds.tsv``. Kitchen units match each other where they
+get random generators of one seed (``kitchen.kitchen_style``).
 """
 
+from openmap_scenes.homes.parametric import (
+    appliances,
+    bathroom,
+    beds,
+    decor,
+    fixtures,
+    food,
+    kitchen,
+    lighting,
+    media,
+    plants,
+    seating,
+    shelving,
+    sofas,
+    storage,
+    tables,
+    tableware,
+    textiles,
+)
 from openmap_scenes.homes.parametric.base import Generator, Limits, Made
 
-GENERATORS: dict[str, Generator] = {}
+FURNITURE = (seating, sofas, tables, storage, shelving, beds, kitchen, appliances, bathroom)
+THINGS = (textiles, lighting, decor, plants, tableware, food, media, fixtures)
 
-__all__ = ["GENERATORS", "Generator", "Limits", "Made"]
+GENERATORS: dict[str, Generator] = {}
+for _module in FURNITURE + THINGS:
+    GENERATORS |= _module.GENERATORS
+
+__all__ = ["FURNITURE", "GENERATORS", "THINGS", "Generator", "Limits", "Made"]
