@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from openmap_env.navigation import NavigableSurface
 from openmap_eval.scene_audit import ENOUGH_PIXELS, Solid, best_views, clashes, things, unreachable_rooms
 from openmap_scenes import DataError, Instance, Scene, load_scene
 from openmap_scenes.catalog import READERS, guess_spec
 from openmap_scenes.recordings import open_recording
+from openmap_scenes.recordings.exported import PARTS
 
 UNLABELLED_AREA = 0.3
 """Share of the surface that may lie on no instance before it is worth a word."""
@@ -20,6 +23,12 @@ FLOOR_HOLES = 0.02
 """Share of a room's floor that may be open."""
 HEIGHTS = (1.8, 30.0)
 """A home is this high, m; anything else is another unit or another axis."""
+LYING = 1.25
+"""A mesh lies on its side where so many times more area looks along x or z than along y."""
+LAYER = 0.3
+"""How thick, m, a layer of faces is that counts as one wall or floor."""
+MOST_RAYS = 250_000
+"""How many places of a room's floor are looked at, at most."""
 NAMELESS = frozenset({"", "unlabelled", "unlabeled", "unknown", "undefined", "object", "remove", "misc"})
 
 
@@ -39,6 +48,9 @@ class Finding:
     what: str
     remedy: str = ""
 
+    def __str__(self) -> str:
+        return f"{self.what.rstrip('.')}. {self.remedy}" if self.remedy else self.what
+
 
 def check(target: str, thorough: bool = False) -> list[Finding]:
     """Everything that is wrong with what a spec or a path names: a scene, a recording, or a folder that holds both.
@@ -54,59 +66,61 @@ def check(target: str, thorough: bool = False) -> list[Finding]:
     if kind in READERS:
         return list(_scene_findings(target, thorough))
     path = Path(target)
-    if not path.exists():
-        return [
-            Finding("error", f"{target}: no such file or folder, and no spec of the catalogue", "Check the spelling.")
-        ]
-    found: list[Finding] = []
-    recorded = holds_recording(path)
-    if recorded:
-        found += _recording_findings(path)
+    if not target.strip() or not path.exists():
+        what = f"{target!r}: no such file or folder, and no spec of the catalogue"
+        return [Finding("error", what, "Check the spelling.")]
+    recordings = find_recordings(path)
+    found = [finding for recording in recordings for finding in _recording_findings(recording)]
+    if recordings and path.is_file():
+        return found
     try:
         spec = guess_spec(path)
-    except DataError as error:
-        return found if recorded else [Finding("error", str(error))]
+    except (DataError, OSError) as error:
+        return found if recordings else [Finding("error", str(error))]
     return found + list(_scene_findings(spec, thorough))
 
 
-def holds_recording(path: Path) -> bool:
-    """Whether posed RGB-D frames lie at a path."""
+def find_recordings(path: Path) -> list[Path]:
+    """The posed RGB-D recordings at a path: a folder with exported frames, and ``.sens`` files."""
     if path.is_file():
-        return path.suffix == ".sens"
-    return any((path / name).is_dir() for name in ("color", "depth", "pose")) or bool(list(path.glob("*.sens")))
+        return [path] if path.suffix == ".sens" else []
+    exported = [path] if any((path / part).is_dir() for part in PARTS) else []
+    return exported + sorted(path.glob("*.sens"))
 
 
 def _recording_findings(path: Path) -> list[Finding]:
     try:
         recording = open_recording(path)
         frames = sum(1 for _ in recording)
-    except DataError as error:
+    except (DataError, OSError) as error:
         return [Finding("error", str(error))]
     if frames == 0:
         return [Finding("error", f"{path}: a recording without a single posed frame", "Record or export it again.")]
-    found = [Finding("note", f"a recording of {frames} posed frames")]
+    found = [Finding("note", f"{path.name} is a recording with {_counted(frames, 'posed frame')}")]
     if recording.skipped:
         lost = ", ".join(map(str, recording.skipped[:8])) + (", ..." if len(recording.skipped) > 8 else "")
-        found.append(Finding("note", f"{len(recording.skipped)} frames were not tracked and are left out: {lost}"))
+        untracked = _counted(len(recording.skipped), "frame")
+        found.append(Finding("note", f"{path.name} has {untracked} without tracking, left out: {lost}"))
     return found
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"{number} {noun}{'s' * (number != 1)}"
 
 
 def _scene_findings(spec: str, thorough: bool) -> Iterator[Finding]:
     try:
         scene = load_scene(spec)
-    except DataError as error:
+    except (DataError, OSError) as error:
         yield Finding("error", str(error))
         return
     yield from _looks(scene)
     yield from _semantics(scene)
-    low, high = scene.aabb
-    if not HEIGHTS[0] <= high[1] - low[1] <= HEIGHTS[1]:
-        size = " x ".join(f"{x:.2f}" for x in high - low)
-        yield Finding(
-            "error",
-            f"the scene is {size} m (x, y, z), and y is up",
-            "Scale it to metres and turn it Y up, or use the reader of its dataset, which knows the file's axes.",
-        )
+    misplaced = _placement(scene)
+    if misplaced is not None:
+        yield misplaced
+    if misplaced is not None and misplaced.severity == "error":
+        return
     try:
         surface = NavigableSurface.from_scene(scene)
     except ValueError as error:
@@ -117,19 +131,66 @@ def _scene_findings(spec: str, thorough: bool) -> Iterator[Finding]:
         yield from _things(scene, surface)
 
 
+def _placement(scene: Scene) -> Finding | None:
+    """What is wrong with the scale or the axes, if anything is; what else could be said of the scene then means little."""
+    low, high = scene.aabb
+    size = " x ".join(f"{x:.2f}" for x in high - low)
+    reader = "or use the reader of its dataset, which knows the file's axes"
+    if not HEIGHTS[0] <= high[1] - low[1] <= HEIGHTS[1]:
+        what = f"the scene is {size} m (x, y, z), and y is up"
+        return Finding("error", what, f"Scale it to metres and turn it Y up, {reader}.")
+    axis, is_labelled = _upright(scene)
+    if axis != 1:
+        lies = "lies on its side: its floors look" if is_labelled else "seems to lie on its side: most of it looks"
+        what = f"the scene of {size} m (x, y, z) {lies} along {'xyz'[axis]}, and y is up"
+        return Finding("error" if is_labelled else "warning", what, f"Turn it Y up, {reader}.")
+    return None
+
+
+def _upright(scene: Scene) -> tuple[int, bool]:
+    """Which axis (0, 1, 2) floors look along, and whether labels say so.
+
+    Without labels it is an axis that has both the largest layer of faces (in a flat of many rooms walls have more area
+    altogether) and the most area in all (the walls of a tower are larger than its floors); y where in doubt.
+    """
+    normal = np.abs(_normals(scene))
+    floors = np.isin(scene.face_instance, [i.id for i in scene.instances if i.category == "floor"])
+    if floors.any():
+        return _prevailing(normal[floors].sum(0)), True
+    centre, total = scene.vertices[scene.faces].mean(1), np.linalg.norm(normal, axis=1)
+    area, largest = np.zeros(3), np.zeros(3)
+    for axis in range(3):
+        flat = normal[:, axis] > 0.9 * np.maximum(total, 1e-12)
+        if flat.any():
+            _, layer = np.unique(np.floor(centre[flat, axis] / LAYER), return_inverse=True)
+            area[axis], largest[axis] = total[flat].sum(), np.bincount(layer.ravel(), total[flat]).max()
+    axis = _prevailing(area)
+    return (axis if axis == _prevailing(largest) else 1), False
+
+
+def _prevailing(area: npt.NDArray[np.float64]) -> int:
+    """The axis of the largest area (3,); y unless another one has ``LYING`` times as much."""
+    return 1 if area[1] * LYING >= area.max() else int(np.argmax(area))
+
+
+def _normals(scene: Scene) -> npt.NDArray[np.float64]:
+    """Normal of each face (F, 3), as long as its area, m2."""
+    corners = scene.vertices[scene.faces].astype(np.float64)
+    return np.asarray(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) / 2, np.float64)
+
+
 def _looks(scene: Scene) -> Iterator[Finding]:
     missing = sorted({m.missing_texture for m in scene.materials if m.missing_texture})
     if missing:
         yield Finding(
             "warning",
-            f"{len(missing)} textures are missing, the first is {missing[0]}; plain colours stand in",
+            f"{_counted(len(missing), 'texture')} missing, the first is {missing[0]}; plain colours stand in",
             "Put the images where the mesh names them, or fetch the archive of textures of the dataset.",
         )
     plain = all(m.texture is None for m in scene.materials)
     if plain and scene.vertex_colour is None and len({m.colour.tobytes() for m in scene.materials}) == 1:
         yield Finding("warning", "the mesh has neither textures nor colours", "Use the textured release of the scene.")
-    corners = scene.vertices[scene.faces]
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    area = np.linalg.norm(_normals(scene), axis=1)
     flat = int((area <= 1e-12).sum())
     if flat > 0.05 * len(area):
         yield Finding("note", f"{flat} of {len(area)} faces have no area", "Harmless here; a cleaned mesh is smaller.")
@@ -143,8 +204,7 @@ def _semantics(scene: Scene) -> Iterator[Finding]:
             "Put the semantic files of the dataset beside the mesh, or an instances.json (scenes/README.md).",
         )
         return
-    corners = scene.vertices[scene.faces].astype(np.float64)
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    area = np.linalg.norm(_normals(scene), axis=1)
     bare = float(area[scene.face_instance == 0].sum() / max(area.sum(), 1e-12))
     if bare > UNLABELLED_AREA:
         yield Finding(
@@ -152,14 +212,14 @@ def _semantics(scene: Scene) -> Iterator[Finding]:
         )
     drawn = set(np.unique(scene.face_instance).tolist())
     for text, severity, some in (
-        ("listed instances have no face", "warning", [i for i in scene.instances if i.id not in drawn]),
-        ("instances have no name", "note", [i for i in scene.instances if i.category in NAMELESS]),
-        ("instances are in no room", "note", [i for i in scene.instances if scene.rooms and i.room is None]),
-        ("instances have names that no label set knows", "note", [i for i in scene.instances if _unknown(i)]),
+        ("without any face", "warning", [i for i in scene.instances if i.id not in drawn]),
+        ("without a name", "note", [i for i in scene.instances if i.category in NAMELESS]),
+        ("in no room", "note", [i for i in scene.instances if scene.rooms and i.room is None]),
+        ("with a name that no label set knows", "note", [i for i in scene.instances if _unknown(i)]),
     ):
         if some:
             names = ", ".join(f"{i.category} ({i.id})" for i in some[:4]) + (", ..." if len(some) > 4 else "")
-            yield Finding(severity, f"{len(some)} {text}: {names}")
+            yield Finding(severity, f"{_counted(len(some), 'instance')} {text}: {names}")
     if not scene.rooms:
         yield Finding("note", "no rooms are known: instructions will not speak of any")
 
@@ -199,9 +259,11 @@ def _holes(scene: Scene) -> Iterator[tuple[str, float]]:
     for room in scene.rooms:
         low, high = room.aabb_min, room.aabb_max
         margin = np.minimum(0.3, (high - low) / 4)
+        # A box that is damaged may be of any size.
+        step = max(0.1, math.sqrt(float((high - low)[0] * (high - low)[2]) / MOST_RAYS))
         x, z = (
-            np.arange(low[0] + margin[0], high[0] - margin[0], 0.1),
-            np.arange(low[2] + margin[2], high[2] - margin[2], 0.1),
+            np.arange(low[0] + margin[0], high[0] - margin[0], step),
+            np.arange(low[2] + margin[2], high[2] - margin[2], step),
         )
         if len(x) == 0 or len(z) == 0:
             continue

@@ -62,7 +62,7 @@ class BuildScenes:
                 continue
             started = time.perf_counter()
             scene = load_scene(spec)
-            self.out.mkdir(parents=True, exist_ok=True)
+            _make_folder(self.out)
             written = export_scene(scene, path)
             things = (
                 f"{len(scene.instances)} instances, {len(scene.faces)} faces, {time.perf_counter() - started:.1f} s"
@@ -88,7 +88,9 @@ class ShowScene:
         out = self.out
         if out is not None and out.suffix.lower() != ".png":
             raise DataError(f"--out {out}", f"suffix {out.suffix!r}", "a .png")
-        scene = _load(self.scene)
+        scene = load_scene(self.scene)
+        if out is not None:
+            _make_folder(out.parent)
         console.print(contents(scene))
         low, high = scene.aabb
         size = " × ".join(f"{x:.1f}" for x in high - low)
@@ -121,7 +123,7 @@ class CheckScenes:
                 console.print(f"{target}:", soft_wrap=True, highlight=False)
             for f in findings:
                 console.print(f"  [{style[f.severity]}]{f.severity}[/] ", end="")
-                console.print(f"{f.what} {f.remedy}".strip(), soft_wrap=True, highlight=False, markup=False)
+                console.print(str(f), soft_wrap=True, highlight=False, markup=False)
         if unusable:
             raise SystemExit(1)
 
@@ -151,18 +153,35 @@ def contents(scene: Scene) -> Table:
 
 
 def _expanded(specs: tuple[str, ...], keep_paths: bool = False) -> list[str]:
-    """Every single spec that the given ones stand for; ``keep_paths``: a path is kept as it is."""
+    """Every single spec that the given ones stand for; ``keep_paths``: the path of one scan or recording is kept as it is."""
     from openmap_scenes.catalog import expand_specs
 
     if not specs:
         raise DataError("scenes", "no scene named", "one spec or more, such as homes:val/0")
-    return [one for spec in specs for one in ([spec] if keep_paths and Path(spec).exists() else expand_specs(spec))]
+    return [one for spec in specs for one in ([spec] if keep_paths and _is_one(spec) else expand_specs(spec))]
 
 
-def _load(target: str) -> Scene:
-    """The scene of a spec, or of a path whose kind its files tell."""
-    from openmap_scenes.catalog import READERS, guess_spec
+def _is_one(target: str) -> bool:
+    """Whether something lies at a path that is no folder of several scenes; a scan that is broken is one, too."""
+    from openmap_eval.scene_check import find_recordings
+    from openmap_scenes.catalog import guess_spec, list_scenes
 
-    return load_scene(
-        target if target.partition(":")[0] in READERS or not Path(target).exists() else guess_spec(target)
-    )
+    path = Path(target)
+    if not target or not path.exists():
+        return False
+    if path.is_file() or find_recordings(path):
+        return True
+    try:
+        guess_spec(path)
+    except DataError:
+        return len(list_scenes(path)) < 2
+    return True
+
+
+def _make_folder(folder: Path) -> None:
+    """Make a folder that is to be written to; DataError where that cannot be."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        found = f"a place where no folder can be made ({error.strerror})"
+        raise DataError(folder, found, "a folder to write to", "Name another one by --out.") from error

@@ -74,7 +74,7 @@ def load_scene(spec: str, cache: bool = True) -> Scene:
     if kind == "homes":
         split, numbers = _home(rest)
         if len(numbers) != 1:
-            raise DataError(f"scene spec {spec!r}", f"{len(numbers)} homes", "one", "expand_specs gives one spec each.")
+            raise DataError(f"scene spec {spec!r}", f"{len(numbers)} homes", "one", "Name a single one.")
     elif kind in FORMATS:
         check_exists(Path(rest), "a mesh" if kind in ("file", "gibson") else f"the folder of a scan ({kind})")
     read = partial(READERS[kind], rest)

@@ -178,6 +178,28 @@ def test_a_missing_file_is_named(tmp_path, missing):
             function(folder)
 
 
+def test_a_region_without_surfaces_has_no_box(tmp_path):
+    """Its box is inside out in the file: the room is as large as what is in it, and with nothing in it there is none."""
+    folder = write_mp3d(tmp_path / "tiny")
+    text = (folder / "tiny.house").read_text()
+    old, new = "R 1 0 0 0 b 0 0 3 -3 -3 3 3 3 6 3", "R 1 0 0 0 b 0 0 3 1e+20 1e+20 1e+20 -1e+20 -1e+20 -1e+20 3"
+    assert old in text
+    empty = "R 7 0 0 0 - 0 0 3 1e+20 1e+20 1e+20 -1e+20 -1e+20 -1e+20 3 0 0 0 0"
+    text = text.replace(old, new).replace("C 0 10", f"{empty}\nC 0 10", 1)
+    (folder / "tiny.house").write_text(text.replace(" 3 2 2 0", " 3 2 3 0"))
+    scene = read_mp3d(folder)
+    assert [room.id for room in scene.rooms] == [0, 1]
+    np.testing.assert_allclose([scene.rooms[1].aabb_min, scene.rooms[1].aabb_max], BOXES[1], atol=1e-6)
+
+
+def test_a_category_that_is_none_of_the_forty_has_no_class(tmp_path):
+    folder = write_mp3d(tmp_path / "tiny")
+    text = (folder / "tiny.house").read_text()
+    (folder / "tiny.house").write_text(text.replace("C 0 10 sofa 10 sofa", "C 0 -1 - -1 -"))
+    sofa, _ = read_mp3d(folder).instances
+    assert (sofa.category, sofa.mpcat40) == ("unlabelled", None)
+
+
 def test_faces_of_objects_that_are_not_listed_are_counted(tmp_path):
     folder = write_mp3d(tmp_path / "tiny")
     ids = boxes_mesh()[2].copy()

@@ -153,3 +153,11 @@ def test_fuzz_only_data_errors(small: Path, tmp_path: Path):
     healthy = tmp_path / "healthy"
     shutil.copytree(small, healthy)
     assert hold_to_data_error(read_replica, healthy, FILES, scratch, cases=2000) > 500
+
+
+def test_entries_of_nobody_are_passed_over_and_things_without_a_class_kept(small: Path):
+    path = small / "habitat/info_semantic.json"
+    info = json.loads(path.read_text())
+    info["objects"] = [{"id": -1, "class_id": -1}, {"id": 0}, info["objects"][0], {"id": 9, "class_id": -1}]
+    path.write_text(json.dumps(info))
+    assert [(i.id, i.category) for i in read_replica(small).instances] == [(7, "rug"), (9, "unlabelled")]

@@ -99,7 +99,8 @@ def check_glb(path: Path) -> None:
 
 def _check_suffix(path: Path) -> str:
     if not path.is_file():
-        raise DataError(path, "no such file", f"a mesh ({', '.join(MESH_SUFFIXES)})")
+        found = "a folder" if path.is_dir() else "no such file"
+        raise DataError(path, found, f"a mesh ({', '.join(MESH_SUFFIXES)})")
     if path.suffix.lower() not in MESH_SUFFIXES:
         raise DataError(path, f"suffix {path.suffix!r}", f"one of {', '.join(MESH_SUFFIXES)}")
     return path.suffix.lower()

@@ -26,11 +26,11 @@ COUNTS = {"objects": 8, "categories": 9, "regions": 10, "levels": 12}
 
 @dataclass(frozen=True)
 class HouseRoom:
-    """Region record; corners (x, y, z) m in the raw frame; ``level`` is None where the file says -1."""
+    """Region record; ``box`` are its corners, (x, y, z) m each in the raw frame, None for a region without surfaces, whose box
+    is inside out; ``level`` is None where the file says -1."""
 
     name: str
-    low: tuple[float, float, float]
-    high: tuple[float, float, float]
+    box: tuple[tuple[float, ...], tuple[float, ...]] | None
     level: int | None
 
 
@@ -111,10 +111,12 @@ def _parse(
 
 
 def _room(fields: list[str]) -> tuple[int, HouseRoom]:
-    low, high = tuple(map(_finite, fields[9:12])), tuple(map(_finite, fields[12:15]))
+    low, high = fields[9:12], fields[12:15]
     if len(low) != 3 or len(high) != 3:
         raise ValueError("a box of six numbers is missing")
-    return int(fields[1]), HouseRoom(ROOM_NAMES.get(fields[5], "other room"), low, high, _index(fields[2]))
+    is_empty = any(float(a) > float(b) for a, b in zip(low, high, strict=True))
+    box = None if is_empty else (tuple(map(_finite, low)), tuple(map(_finite, high)))
+    return int(fields[1]), HouseRoom(ROOM_NAMES.get(fields[5], "other room"), box, _index(fields[2]))
 
 
 def _finite(text: str) -> float:

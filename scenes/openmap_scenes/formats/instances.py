@@ -17,9 +17,10 @@ UNLABELLED = "unlabelled"
 def clean_category(name: str) -> str:
     """A source's name as ``Instance.category`` holds it: lower case, single blanks ("Coffee  Table " -> "coffee table").
 
-    The underscore, and the ``#`` that Matterport3D writes, are blanks; a name with nothing left is "unlabelled".
+    The underscore, and the ``#`` that Matterport3D writes, are blanks; a name without a letter or digit is "unlabelled".
     """
-    return " ".join(name.replace("#", " ").replace("_", " ").lower().split()) or UNLABELLED
+    cleaned = " ".join(name.replace("#", " ").replace("_", " ").lower().split())
+    return cleaned if any(c.isalnum() for c in cleaned) else UNLABELLED
 
 
 def make_instance(

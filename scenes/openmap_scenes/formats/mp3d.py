@@ -23,6 +23,7 @@ from openmap_scenes.formats.mp3d_raw import find_raw, read_raw_object_ids
 from openmap_scenes.formats.ply import read_ply
 from openmap_scenes.formats.transfer import transfer_face_ids
 from openmap_scenes.scene import Instance, Room, Scene, instance_boxes
+from openmap_scenes.taxonomy import MPCAT40
 
 EXPECTED = "a Matterport3D scan: <scan>.glb, <scan>.house and <scan>_semantic.ply, or matterport_mesh/ and house_segmentations/"
 
@@ -41,6 +42,7 @@ def read_mp3d(path: str | Path) -> Scene:
     _check_ids(ids_file, object_id, house)
     mesh = read_textured_mesh(mesh_file, T_WORLD_ZUP)
     ids = (object_id + 1).astype(np.int32)
+    instances = _instances(house, instance_boxes(vertices, faces, ids))
     return Scene(
         name=house_file.stem,
         vertices=mesh.vertices,
@@ -48,8 +50,8 @@ def read_mp3d(path: str | Path) -> Scene:
         face_material=mesh.face_material,
         face_instance=transfer_face_ids(vertices, faces, ids, mesh.vertices, mesh.faces, ids_file, mesh_file),
         materials=mesh.materials,
-        instances=_instances(house, instance_boxes(vertices, faces, ids)),
-        rooms=_rooms(house),
+        instances=instances,
+        rooms=_rooms(house, instances),
         uv=mesh.uv,
         vertex_colour=mesh.vertex_colour,
         source=f"mp3d:{path}",
@@ -149,16 +151,26 @@ def _instances(
             continue  # objects that the annotators listed but gave no face
         category = house.categories[item.category] if item.category is not None else None
         name, mpcat40 = (category.name, category.mpcat40) if category else (UNLABELLED, None)
+        if mpcat40 not in MPCAT40:
+            mpcat40 = None  # such as "-"
         instances.append(make_instance(index + 1, name, *boxes[index + 1], item.room, index, mpcat40))
     return instances
 
 
-def _rooms(house: House) -> list[Room]:
-    """Rooms in the world frame; storeys are counted from the lowest, in whichever order the file lists them."""
+def _rooms(house: House, instances: list[Instance]) -> list[Room]:
+    """Rooms in the world frame; storeys are counted from the lowest, in whichever order the file lists them.
+
+    A region without a box has that of what is in it; where nothing is, it is no room.
+    """
     storey = {level: n for n, level in enumerate(sorted(house.levels, key=lambda level: house.levels[level]))}
     rooms = []
     for index, room in sorted(house.rooms.items()):
-        corners = np.array([room.low, room.high]) @ T_WORLD_ZUP[:3, :3].T
+        if room.box is not None:
+            corners = np.array(room.box) @ T_WORLD_ZUP[:3, :3].T
+        else:
+            corners = np.array([c for i in instances if i.room == index for c in (i.aabb_min, i.aabb_max)])
+        if not len(corners):
+            continue
         level = storey[room.level] if room.level is not None else 0
         rooms.append(Room(index, room.name, corners.min(0), corners.max(0), level))
     return rooms

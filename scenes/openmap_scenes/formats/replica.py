@@ -19,8 +19,8 @@ import numpy.typing as npt
 
 from openmap_scenes.errors import DataError
 from openmap_scenes.formats.glb import T_WORLD_ZUP
-from openmap_scenes.formats.instances import make_instance
-from openmap_scenes.formats.json_file import is_id, read_json_object
+from openmap_scenes.formats.instances import UNLABELLED, make_instance
+from openmap_scenes.formats.json_file import is_id, is_whole, read_json_object
 from openmap_scenes.formats.ply import PlyMesh, read_ply
 from openmap_scenes.formats.transfer import transfer_face_ids
 from openmap_scenes.scene import Instance, Material, Scene, instance_boxes
@@ -84,7 +84,7 @@ def _to_world(mesh: PlyMesh) -> npt.NDArray[np.float32]:
 
 
 def _read_table(path: Path) -> tuple[dict[int, str], int]:
-    """Class name of each object id, and the largest id that the table speaks of."""
+    """Class name of each object id, and the largest id that the table speaks of; what has an id below 1 is nobody."""
     value = read_json_object(path, "Replica's table of objects")
     objects = value.get("objects")
     if not isinstance(objects, list):
@@ -93,15 +93,18 @@ def _read_table(path: Path) -> tuple[dict[int, str], int]:
     classes = _class_names(path, value.get("classes", []))
     for row, entry in enumerate(objects):
         where = f"{path} objects[{row}]"
+        if isinstance(entry, dict) and type(entry.get("id")) is int and entry["id"] < 1:
+            continue
         if not isinstance(entry, dict) or not is_id(entry.get("id")):
             raise DataError(where, "no id", "an object with a whole number as its id")
         if entry["id"] in names:
             raise DataError(where, f"id {entry['id']} a second time", "each id once")
-        name = entry.get("class_name", classes.get(entry.get("class_id")) if is_id(entry.get("class_id")) else None)
+        class_id = entry.get("class_id")
+        known = UNLABELLED if type(class_id) is int and class_id < 1 else None
+        name = entry.get("class_name", classes.get(class_id, known) if is_whole(class_id) else None)
         if not isinstance(name, str):
             raise DataError(where, "no class", "a class_name, or a class_id that 'classes' lists")
         names[entry["id"]] = name
-    names.pop(0, None)  # it marks faces of nobody
     labels = value.get("id_to_label", [])
     return names, max(len(labels) - 1 if isinstance(labels, list) else 0, max(names, default=0))
 
