@@ -192,12 +192,12 @@ def test_a_region_without_surfaces_has_no_box(tmp_path):
     np.testing.assert_allclose([scene.rooms[1].aabb_min, scene.rooms[1].aabb_max], BOXES[1], atol=1e-6)
 
 
-def test_a_category_that_is_none_of_the_forty_has_no_class(tmp_path):
+def test_a_category_that_is_none_of_the_forty_is_unlabelled(tmp_path):
     folder = write_mp3d(tmp_path / "tiny")
     text = (folder / "tiny.house").read_text()
     (folder / "tiny.house").write_text(text.replace("C 0 10 sofa 10 sofa", "C 0 -1 - -1 -"))
     sofa, _ = read_mp3d(folder).instances
-    assert (sofa.category, sofa.mpcat40) == ("unlabelled", None)
+    assert (sofa.category, sofa.mpcat40) == ("unlabelled", "unlabeled")
 
 
 def test_faces_of_objects_that_are_not_listed_are_counted(tmp_path):
