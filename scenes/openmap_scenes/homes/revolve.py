@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -33,6 +32,10 @@ def grid(points: Array, material: Material, uv: Array | None = None) -> Model:
     for row, inner in ((0, 1), (-1, -2)):
         if poles[row].all():
             normal[row] = normal[inner, :-1].mean(0)
+    # Single corners where the surface has no width look where their row looks.
+    lone = np.linalg.norm(normal, axis=2) < 1e-12
+    if lone.any():
+        normal[lone] = np.broadcast_to(normal.sum(1, keepdims=True), normal.shape)[lone]
     normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-15)
     if uv is None:
         s, t = np.meshgrid(np.linspace(0, 1, nu + 1), np.linspace(1, 0, nv + 1))
@@ -40,9 +43,13 @@ def grid(points: Array, material: Material, uv: Array | None = None) -> Model:
     faces, flat = grid_faces(nu, nv), points.reshape(-1, 3)
     a, b, c = (flat[faces[:, k]] for k in range(3))
     faces = faces[np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-13]
+    return _model(points, normal, uv, faces, material)
+
+
+def _model(points: Array, normals: Array, uv: Array, faces: npt.NDArray[np.int32], material: Material) -> Model:
     return Model(
-        flat.astype(np.float32),
-        normal.reshape(-1, 3).astype(np.float32),
+        points.reshape(-1, 3).astype(np.float32),
+        normals.reshape(-1, 3).astype(np.float32),
         uv.reshape(-1, 2).astype(np.float32),
         faces,
         np.zeros(len(faces), np.int32),
@@ -53,7 +60,7 @@ def grid(points: Array, material: Material, uv: Array | None = None) -> Model:
 def _slope(points: Array, axis: int) -> Array:
     """Differences along a side of the grid, across the seam where it is closed."""
     p = np.moveaxis(points, axis, 0)
-    if len(p) > 2 and np.allclose(p[0], p[-1], atol=1e-9):
+    if len(p) > 2 and float(np.abs(p[0] - p[-1]).max()) < 1e-9:
         d = np.roll(p[:-1], -1, 0) - np.roll(p[:-1], 1, 0)
         d = np.concatenate([d, d[:1]])
     else:
@@ -98,14 +105,7 @@ def _ring_band(q: Array, tangent: Array, along: Array, phi: Array, u: Array, mat
     flat = points.reshape(-1, 3)
     a, b, c = (flat[faces[:, k]] for k in range(3))
     faces = faces[np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-13]
-    return Model(
-        flat.astype(np.float32),
-        normals.reshape(-1, 3).astype(np.float32),
-        uv.reshape(-1, 2).astype(np.float32),
-        faces,
-        np.zeros(len(faces), np.int32),
-        [material],
-    )
+    return _model(points, normals, uv, faces, material)
 
 
 def vessel(
@@ -113,11 +113,13 @@ def vessel(
 ) -> Model:
     """An open vessel: the outline [(radius, y), ...] of its outer wall from the foot's edge to the rim, ``wall`` m thick."""
     outer = np.asarray(outline, np.float64)
-    inner = outer[::-1] - [wall, 0.0]
-    inner = inner[inner[:, 0] > wall * 0.5]
     floor = float(outer[0, 1]) + wall
-    inner = inner[inner[:, 1] > floor]
-    r = float(inner[-1, 0]) if len(inner) else float(outer[0, 0]) - wall
+    inner = outer[::-1] - [wall, 0.0]
+    inner = inner[(inner[:, 0] > wall * 0.5) & (inner[:, 1] > floor)]
+    # The inner wall follows the outer one down to the floor, however few points the outline has.
+    above = int(np.argmax(outer[:, 1] > floor))
+    (r0, y0), (r1, y1) = outer[max(above - 1, 0)], outer[above]
+    r = max(float(r0 + (r1 - r0) * (floor - y0) / max(y1 - y0, 1e-9)) - wall, wall * 0.5)
     return merge(
         [
             lathe(np.concatenate([[[0.0, outer[0, 1]]], outer]), outside, sides),
@@ -126,7 +128,7 @@ def vessel(
     )
 
 
-def spline(points: Sequence[Sequence[float]] | Array, count: int) -> Array:
+def spline(points: npt.ArrayLike, count: int) -> Array:
     """``count`` points on the smooth curve (Catmull-Rom) through points (K, D), its ends included."""
     p = np.asarray(points, np.float64)
     padded = np.concatenate([2 * p[:1] - p[1:2], p, 2 * p[-1:] - p[-2:-1]])
@@ -138,8 +140,8 @@ def spline(points: Sequence[Sequence[float]] | Array, count: int) -> Array:
 
 
 def tube(
-    path: Sequence[Sequence[float]] | Array,
-    radius: float | Sequence[float] | Array,
+    path: npt.ArrayLike,
+    radius: npt.ArrayLike,
     material: Material,
     sides: int = 8,
     closed: bool = False,
@@ -234,13 +236,14 @@ def soft_box(
         core = np.clip(p, -half + r, half - r)
         out = p - core
         normal = out / np.linalg.norm(out, axis=2, keepdims=True)
-        bulge = puff * ((1 - (u / half[u_axis]) ** 2) * (1 - (v / half[v_axis]) ** 2))[..., None]
-        points = core + r * normal + bulge * normal
+        points = core + r * normal + (lo + hi) / 2
         uv = np.stack([0.5 + u_sign * u / (2 * half[u_axis]), 0.5 - v_sign * v / (2 * half[v_axis])], 2)
-        side = grid(points + (lo + hi) / 2, by_face[k], uv)
-        if puff == 0.0:
-            side = replace(side, normals=normal.reshape(-1, 3).astype(np.float32))
-        parts.append(side)
+        if puff > 0.0:
+            swell = (1 - (u / half[u_axis]) ** 2) * (1 - (v / half[v_axis]) ** 2)
+            parts.append(grid(points + puff * swell[..., None] * normal, by_face[k], uv))
+        else:
+            faces = grid_faces(u.shape[1] - 1, u.shape[0] - 1)
+            parts.append(_model(points, normal, uv, faces, by_face[k]))
     return merge(parts)
 
 

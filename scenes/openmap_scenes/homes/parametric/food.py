@@ -127,7 +127,9 @@ def bowl_of_fruit(rng: np.random.Generator, limits: Limits) -> Made | None:
     spots = [(0.0, 0.012, 0.0)] if chance(rng, 0.5) else []
     ring = 5 if R < 0.145 else 6
     start = between(rng, 0, 6.3)
-    spots += [((R - 0.055) * np.cos(a), 0.03, (R - 0.055) * np.sin(a)) for a in start + np.arange(ring) * 2 * np.pi / ring]
+    spots += [
+        ((R - 0.055) * np.cos(a), 0.03, (R - 0.055) * np.sin(a)) for a in start + np.arange(ring) * 2 * np.pi / ring
+    ]
     topping = pick(rng, "fruit", "banana", "grapes")
     if topping == "fruit":
         spots += [(0.038 * np.cos(a), 0.082, 0.038 * np.sin(a)) for a in start + np.arange(3) * 2.1]
@@ -136,7 +138,12 @@ def bowl_of_fruit(rng: np.random.Generator, limits: Limits) -> Made | None:
         if kind == "apple":
             fruit = placed(one_apple(rng), rotation=turn(0, float(rng.normal(0, 0.25))))
         else:
-            fruit = one_round(rng, covers[kind], between(rng, 0.035, 0.04) if kind == "orange" else 0.029, 0.0 if kind == "orange" else 0.3)
+            fruit = one_round(
+                rng,
+                covers[kind],
+                between(rng, 0.035, 0.04) if kind == "orange" else 0.029,
+                0.0 if kind == "orange" else 0.3,
+            )
         parts.append(placed(fruit, spot, turn(1, between(rng, 0, 6.3))))
     if topping == "banana":
         parts += [placed(b, (0, 0.085, -0.03)) for b in hand(rng, paint(rng, BANANAS, "banana"), 3)]
@@ -159,14 +166,23 @@ def bread(rng: np.random.Generator, limits: Limits) -> Made | None:
         long = between(rng, 0.24, 0.3)
         t = np.linspace(-1, 1, 15)
         radius = 0.034 * np.sqrt(np.clip(1 - t**4, 0.04, 1))
-        parts = [placed(tube(np.stack([t * long, np.zeros(15), np.zeros(15)], 1), radius, cover, 12), (0, 0.03, 0), scale=(1, 0.85, 1))]
+        parts = [
+            placed(
+                tube(np.stack([t * long, np.zeros(15), np.zeros(15)], 1), radius, cover, 12),
+                (0, 0.03, 0),
+                scale=(1, 0.85, 1),
+            )
+        ]
         for x in np.linspace(-0.7, 0.7, 5) * long:
             cut = ellipsoid((0, 0, 0), (0.024, 0.004, 0.006), pale, 8, 4)
             parts.append(placed(cut, (x, 0.0575, 0), turn(1, 0.7)))
     elif style == "round":
         r = between(rng, 0.09, 0.12)
         parts = [ellipsoid((0, r * 0.42, 0), (r, r * 0.5, r), cover, 24, 10, 0.8)]
-        parts += [placed(ellipsoid((0, 0, 0), (r * 0.5, 0.006, 0.006), pale, 8, 4), (0, r * 0.9, 0), turn(1, a)) for a in (0.3, 0.3 + np.pi / 2)]
+        parts += [
+            placed(ellipsoid((0, 0, 0), (r * 0.5, 0.006, 0.006), pale, 8, 4), (0, r * 0.9, 0), turn(1, a))
+            for a in (0.3, 0.3 + np.pi / 2)
+        ]
     else:
         n = 1 if style == "loaf" else 6
         w = between(rng, 0.22, 0.28)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from openmap_scenes.homes.parametric import patterns
+from openmap_scenes.homes.parametric import machines, patterns
 from openmap_scenes.homes.parametric.base import Generator, Limits, Made
+from openmap_scenes.homes.parametric.machines import BLACK
 from openmap_scenes.homes.parametric.making import (
     CERAMIC,
     DARK,
-    DEVICE,
     GLASSES,
     METALS,
     SOFT,
@@ -23,11 +23,8 @@ from openmap_scenes.homes.parametric.making import (
     pick,
     skin,
     solid,
-    tone,
 )
 from openmap_scenes.homes.revolve import ellipsoid, lathe, placed, soft_box, spline, tube, turn, vessel
-
-BLACK = solid("black plastic", (0.10, 0.10, 0.11))
 
 
 def kettle(rng: np.random.Generator, limits: Limits) -> Made | None:
@@ -36,35 +33,96 @@ def kettle(rng: np.random.Generator, limits: Limits) -> Made | None:
     if chance(rng, 0.55):
         r, h = between(rng, 0.068, 0.08), between(rng, 0.18, 0.22)
         parts = [lathe([(0, 0), (r * 1.1, 0), (r * 1.1, 0.016), (r, 0.02), (0, 0.02)], dark, 22)]
-        parts.append(lathe([(0, 0.022), (r, 0.022), *spline([(r, 0.03), (r * 0.95, h * 0.5), (r * 0.72, h)], 6), (0, h + 0.004)], body, 24))
-        parts.append(lathe([(r * 0.6, h), (r * 0.55, h + 0.012), (0.012, h + 0.016), (0.012, h + 0.03), (0, h + 0.032)], dark, 18))
+        parts.append(
+            lathe(
+                [(0, 0.022), (r, 0.022), *spline([(r, 0.03), (r * 0.95, h * 0.5), (r * 0.72, h)], 6), (0, h + 0.004)],
+                body,
+                24,
+            )
+        )
+        parts.append(
+            lathe(
+                [(r * 0.6, h), (r * 0.55, h + 0.012), (0.012, h + 0.016), (0.012, h + 0.03), (0, h + 0.032)], dark, 18
+            )
+        )
         spout = [(0.0, 0, 0), (0.03, 0.035, 0), (0.045, 0.05, 0)]
         parts.append(placed(tube(spout, [0.026, 0.02, 0.016], body, 8), (r * 0.6, h - 0.055, 0)))
-        grip = spline([(-r * 0.7, h + 0.005, 0), (-r * 1.35, h, 0), (-r * 1.6, h * 0.6, 0), (-r * 1.3, h * 0.25, 0), (-r * 0.97, h * 0.2, 0)], 12)
+        grip = spline(
+            [
+                (-r * 0.7, h + 0.005, 0),
+                (-r * 1.35, h, 0),
+                (-r * 1.6, h * 0.6, 0),
+                (-r * 1.3, h * 0.25, 0),
+                (-r * 0.97, h * 0.2, 0),
+            ],
+            12,
+        )
         parts.append(tube(grip, 0.0105, dark, 8))
         return finish(parts, limits, {"style": "electric", "material": "metal"})
     r, h = between(rng, 0.09, 0.11), between(rng, 0.12, 0.15)
     outline = spline([(r * 0.95, 0), (r, 0.02), (r * 0.9, h * 0.6), (r * 0.45, h)], 9)
-    parts = [lathe(np.concatenate([[[0, 0]], outline, [[0, h + 0.004]]]), body, 24), lathe([(r * 0.4, h), (r * 0.36, h + 0.012), (0.01, h + 0.016), (0.014, h + 0.032), (0, h + 0.036)], dark, 16)]
-    parts.append(tube(spline([(r * 0.75, h * 0.45, 0), (r * 1.2, h * 0.75, 0), (r * 1.4, h * 1.05, 0)], 7), np.linspace(0.02, 0.012, 7), body, 8))
-    parts.append(tube(spline([(-r * 0.62, h * 0.8, 0), (-r * 0.6, h * 1.5, 0), (0, h * 1.8, 0), (r * 0.6, h * 1.5, 0), (r * 0.62, h * 0.8, 0)], 16), 0.007, dark, 7))
+    parts = [
+        lathe(np.concatenate([[[0, 0]], outline, [[0, h + 0.004]]]), body, 24),
+        lathe([(r * 0.4, h), (r * 0.36, h + 0.012), (0.01, h + 0.016), (0.014, h + 0.032), (0, h + 0.036)], dark, 16),
+    ]
+    parts.append(
+        tube(
+            spline([(r * 0.75, h * 0.45, 0), (r * 1.2, h * 0.75, 0), (r * 1.4, h * 1.05, 0)], 7),
+            np.linspace(0.02, 0.012, 7),
+            body,
+            8,
+        )
+    )
+    parts.append(
+        tube(
+            spline(
+                [
+                    (-r * 0.62, h * 0.8, 0),
+                    (-r * 0.6, h * 1.5, 0),
+                    (0, h * 1.8, 0),
+                    (r * 0.6, h * 1.5, 0),
+                    (r * 0.62, h * 0.8, 0),
+                ],
+                16,
+            ),
+            0.007,
+            dark,
+            7,
+        )
+    )
     return finish(parts, limits, {"style": "stovetop", "material": "metal"})
 
 
 def pot(rng: np.random.Generator, limits: Limits) -> Made | None:
     """A cooking pot with two grips, mostly under its lid."""
     r, h = between(rng, 0.09, 0.14), between(rng, 0.09, 0.17)
-    body, grip = paint(rng, (*METALS[:2], *METALS[:2], *VIVID[:4], *DARK[:1]), "pot"), BLACK if chance(rng, 0.5) else paint(rng, METALS, "grip")
+    body, grip = (
+        paint(rng, (*METALS[:2], *METALS[:2], *VIVID[:4], *DARK[:1]), "pot"),
+        BLACK if chance(rng, 0.5) else paint(rng, METALS, "grip"),
+    )
     wall = [(r * 0.94, 0), (r, 0.012), (r, h * 0.5), (r, h), (r + 0.004, h + 0.003)]
     if chance(rng, 0.7):
         parts = [lathe([(0, 0), *wall, (0, h + 0.004)], body, 28)]
         lid = paint(rng, GLASSES, "glass lid") if chance(rng, 0.3) else body
         dome = [(r + 0.003, h + 0.003), (r * 0.9, h + 0.016), (r * 0.5, h + 0.028), (0, h + 0.032)]
-        parts += [lathe(dome, lid, 28), lathe([(0.008, h + 0.028), (0.008, h + 0.04), (0.02, h + 0.048), (0.016, h + 0.056), (0, h + 0.058)], grip, 14)]
+        parts += [
+            lathe(dome, lid, 28),
+            lathe(
+                [(0.008, h + 0.028), (0.008, h + 0.04), (0.02, h + 0.048), (0.016, h + 0.056), (0, h + 0.058)], grip, 14
+            ),
+        ]
     else:
         parts = [vessel(wall, 0.004, body, solid("inside", (0.62, 0.62, 0.63)), 28)]
     for s in (-1, 1):
-        ear = spline([(s * (r - 0.004), h * 0.78, -0.035), (s * (r + 0.035), h * 0.8, -0.022), (s * (r + 0.035), h * 0.8, 0.022), (s * (r - 0.004), h * 0.78, 0.035)], 9)
+        ear = spline(
+            [
+                (s * (r - 0.004), h * 0.78, -0.035),
+                (s * (r + 0.035), h * 0.8, -0.022),
+                (s * (r + 0.035), h * 0.8, 0.022),
+                (s * (r - 0.004), h * 0.78, 0.035),
+            ],
+            9,
+        )
         parts.append(tube(ear, 0.006, grip, 7))
     return finish(parts, limits, {"material": "metal"})
 
@@ -76,8 +134,15 @@ def pan(rng: np.random.Generator, limits: Limits) -> Made | None:
     body, inside = paint(rng, DARK + METALS + VIVID[:2], "pan"), paint(rng, DARK + METALS[:2], "coating")
     grip = BLACK if chance(rng, 0.6) else skin("wood", patterns.wood(rng))
     parts = [vessel([(r * (0.8 if low else 0.97), 0), (r * 0.95, h * 0.5), (r, h)], 0.004, body, inside, 30)]
-    bar = spline([(r - 0.005, h * 0.8, 0), (r + 0.06, h * 0.95, 0), (r + 0.13, h + 0.02, 0), (r + 0.2, h + 0.03, 0)], 10)
-    parts.append(placed(tube(bar, [0.006, 0.006, 0.007, 0.009, 0.01, 0.011, 0.011, 0.012, 0.011, 0.006], grip, 8), scale=(1, 1, 1.25)))
+    bar = spline(
+        [(r - 0.005, h * 0.8, 0), (r + 0.06, h * 0.95, 0), (r + 0.13, h + 0.02, 0), (r + 0.2, h + 0.03, 0)], 10
+    )
+    parts.append(
+        placed(
+            tube(bar, [0.006, 0.006, 0.007, 0.009, 0.01, 0.011, 0.011, 0.012, 0.011, 0.006], grip, 8),
+            scale=(1, 1, 1.25),
+        )
+    )
     return finish(parts, limits, {"material": "metal"})
 
 
@@ -95,7 +160,10 @@ def cutting_board(rng: np.random.Generator, limits: Limits) -> Made | None:
         parts.append(soft_box((w / 2 - 0.01, 0, -0.025), (w / 2 + 0.1, t, 0.025), mat, 0.01))
     if chance(rng, 0.45):
         steel, R = paint(rng, METALS[:1], "blade"), turn(1, between(rng, -0.6, 0.6))
-        knife = [soft_box((-0.15, t, -0.014), (0.03, t + 0.002, 0.014), steel, 0.0009), soft_box((0.025, t, -0.011), (0.13, t + 0.016, 0.011), BLACK, 0.006)]
+        knife = [
+            soft_box((-0.15, t, -0.014), (0.03, t + 0.002, 0.014), steel, 0.0009),
+            soft_box((0.025, t, -0.011), (0.13, t + 0.016, 0.011), BLACK, 0.006),
+        ]
         parts += [placed(p, (0, 0, 0.04), R) for p in knife]
     return finish(parts, limits, {"material": "wood" if wood else "plastic", "shape": shape})
 
@@ -136,7 +204,17 @@ def utensil_holder(rng: np.random.Generator, limits: Limits) -> Made | None:
             parts.append(placed(soft_box((-0.026, -0.01, -0.002), (0.026, 0.06, 0.002), tool, 0.0015), high, face))
         else:
             for turned in (0.0, np.pi / 3, 2 * np.pi / 3):
-                loop = spline([(0, -0.03, 0), (0.024, 0.02, 0), (0.018, 0.06, 0), (-0.018, 0.06, 0), (-0.024, 0.02, 0), (0, -0.03, 0)], 14)
+                loop = spline(
+                    [
+                        (0, -0.03, 0),
+                        (0.024, 0.02, 0),
+                        (0.018, 0.06, 0),
+                        (-0.018, 0.06, 0),
+                        (-0.024, 0.02, 0),
+                        (0, -0.03, 0),
+                    ],
+                    14,
+                )
                 parts.append(placed(tube(loop, 0.0016, tool, 4), high, turn(1, turned)))
     return finish(parts, limits, {"material": "ceramic"})
 
@@ -144,26 +222,71 @@ def utensil_holder(rng: np.random.Generator, limits: Limits) -> Made | None:
 def tray(rng: np.random.Generator, limits: Limits) -> Made | None:
     """A tray with a rim and grips: oblong or round."""
     mat = pick(rng, "wood", "metal", "plastic")
-    ground = {"wood": lambda: skin("wood", patterns.wood(rng)), "metal": lambda: paint(rng, METALS, "metal"), "plastic": lambda: skin("tray", patterns.fabric(rng, 0.4, SOFT + VIVID)[0])}[mat]()
+    ground = {
+        "wood": lambda: skin("wood", patterns.wood(rng)),
+        "metal": lambda: paint(rng, METALS, "metal"),
+        "plastic": lambda: skin("tray", patterns.fabric(rng, 0.4, SOFT + VIVID)[0]),
+    }[mat]()
     rim = paint(rng, WOODS, "rim") if mat == "wood" else ground
     w, d = between(rng, 0.34, 0.5), between(rng, 0.25, 0.34)
     if chance(rng, 0.35):
         r = w * 0.42
-        return finish([lathe([(0, 0), (r * 0.95, 0), (r, 0.025), (r - 0.005, 0.025), (r * 0.93, 0.006)], rim, 32), lathe([(r * 0.935, 0.006), (r * 0.4, 0.006), (0, 0.006)], ground, 32)], limits, {"material": mat, "shape": "round"})
+        return finish(
+            [
+                lathe([(0, 0), (r * 0.95, 0), (r, 0.025), (r - 0.005, 0.025), (r * 0.93, 0.006)], rim, 32),
+                lathe([(r * 0.935, 0.006), (r * 0.4, 0.006), (0, 0.006)], ground, 32),
+            ],
+            limits,
+            {"material": mat, "shape": "round"},
+        )
     parts = [soft_box((-w / 2, 0, -d / 2), (w / 2, 0.01, d / 2), ground, 0.003)]
     for s in (-1, 1):
-        parts += [soft_box((-w / 2, 0.002, s * d / 2 - 0.006), (w / 2, 0.04, s * d / 2 + 0.006), rim, 0.003), soft_box((s * w / 2 - 0.006, 0.002, -d / 2), (s * w / 2 + 0.006, 0.04, d / 2), rim, 0.003)]
-        bow = spline([(s * w / 2, 0.035, -0.06), (s * (w / 2 + 0.005), 0.065, -0.04), (s * (w / 2 + 0.005), 0.065, 0.04), (s * w / 2, 0.035, 0.06)], 8)
+        parts += [
+            soft_box((-w / 2, 0.002, s * d / 2 - 0.006), (w / 2, 0.04, s * d / 2 + 0.006), rim, 0.003),
+            soft_box((s * w / 2 - 0.006, 0.002, -d / 2), (s * w / 2 + 0.006, 0.04, d / 2), rim, 0.003),
+        ]
+        bow = spline(
+            [
+                (s * w / 2, 0.035, -0.06),
+                (s * (w / 2 + 0.005), 0.065, -0.04),
+                (s * (w / 2 + 0.005), 0.065, 0.04),
+                (s * w / 2, 0.035, 0.06),
+            ],
+            8,
+        )
         parts.append(tube(bow, 0.006, rim, 6))
     return finish(parts, limits, {"material": mat, "shape": "rectangular"})
 
 
 def paper_towels(rng: np.random.Generator, limits: Limits) -> Made | None:
     """A roll of kitchen paper upright on its stand."""
-    r, h, metal, paper = between(rng, 0.05, 0.065), 0.24, paint(rng, METALS + WOODS, "stand"), paint(rng, WHITES, "paper")
+    r, h, metal, paper = (
+        between(rng, 0.05, 0.065),
+        0.24,
+        paint(rng, METALS + WOODS, "stand"),
+        paint(rng, WHITES, "paper"),
+    )
     image = patterns.dots(rng, (0.95, 0.95, 0.93), (0.86, 0.88, 0.90), 14)
-    roll = lathe([(0.02, 0.016), (r, 0.016), (r, h), (0.02, h), (0.02, 0.016)], skin("paper", image) if chance(rng, 0.5) else paper, 26)
-    pole = lathe([(0, 0), (0.078, 0), (0.08, 0.006), (0.078, 0.012), (0.008, 0.014), (0.008, h + 0.04), (0.014, h + 0.05), (0.012, h + 0.062), (0, h + 0.066)], metal, 22)
+    roll = lathe(
+        [(0.02, 0.016), (r, 0.016), (r, h), (0.02, h), (0.02, 0.016)],
+        skin("paper", image) if chance(rng, 0.5) else paper,
+        26,
+    )
+    pole = lathe(
+        [
+            (0, 0),
+            (0.078, 0),
+            (0.08, 0.006),
+            (0.078, 0.012),
+            (0.008, 0.014),
+            (0.008, h + 0.04),
+            (0.014, h + 0.05),
+            (0.012, h + 0.062),
+            (0, h + 0.066),
+        ],
+        metal,
+        22,
+    )
     flap = soft_box((r - 0.0015, 0.018, 0), (r, h - 0.002, 0.05), paper, 0.0006)
     return finish([roll, pole, flap], limits, {"material": "paper"})
 
@@ -176,62 +299,26 @@ def soap_dispenser(rng: np.random.Generator, limits: Limits) -> Made | None:
     if shape == "square":
         parts = [soft_box((-r, 0, -r), (r, h, r), mat, 0.008, 2)]
     else:
-        belly = [(r, 0), (r, h * 0.6), (r * 0.9, h * 0.85), (0.015, h)] if shape == "round" else [(r * 0.8, 0), (r * 1.15, h * 0.35), (r * 0.8, h * 0.8), (0.015, h)]
+        belly = (
+            [(r, 0), (r, h * 0.6), (r * 0.9, h * 0.85), (0.015, h)]
+            if shape == "round"
+            else [(r * 0.8, 0), (r * 1.15, h * 0.35), (r * 0.8, h * 0.8), (0.015, h)]
+        )
         parts = [lathe(np.concatenate([[[0, 0]], spline(belly, 12), [[0, h]]]), mat, 22)]
-    parts += [lathe([(0.014, h - 0.002), (0.014, h + 0.014), (0.005, h + 0.016), (0.005, h + 0.036), (0, h + 0.036)], pump, 14)]
-    parts.append(tube(spline([(0, h + 0.036, -0.008), (0, h + 0.041, 0.014), (0, h + 0.039, 0.036), (0, h + 0.028, 0.042)], 8), 0.0055, pump, 8))
+    parts += [
+        lathe(
+            [(0.014, h - 0.002), (0.014, h + 0.014), (0.005, h + 0.016), (0.005, h + 0.036), (0, h + 0.036)], pump, 14
+        )
+    ]
+    parts.append(
+        tube(
+            spline([(0, h + 0.036, -0.008), (0, h + 0.041, 0.014), (0, h + 0.039, 0.036), (0, h + 0.028, 0.042)], 8),
+            0.0055,
+            pump,
+            8,
+        )
+    )
     return finish(parts, limits, {"material": "ceramic", "shape": shape})
-
-
-def toaster(rng: np.random.Generator, limits: Limits) -> Made | None:
-    """A toaster with two or four slots, now and then with toast."""
-    w, h, d = between(rng, 0.26, 0.34), between(rng, 0.17, 0.2), between(rng, 0.16, 0.2)
-    body, dark = paint(rng, METALS[:2] + VIVID + DARK + WHITES, "toaster"), BLACK
-    parts = [soft_box((-w / 2, 0.012, -d / 2), (w / 2, h, d / 2), body, 0.035, 3), soft_box((-w * 0.48, 0, -d * 0.46), (w * 0.48, 0.02, d * 0.46), dark, 0.006)]
-    toast = solid("toast", (0.72, 0.48, 0.24)) if chance(rng, 0.35) else None
-    for z in (-d * 0.2, d * 0.2):
-        parts.append(soft_box((-w * 0.36, h - 0.006, z - 0.014), (w * 0.36, h + 0.0012, z + 0.014), dark, 0.001))
-        if toast is not None:
-            parts.append(soft_box((-w * 0.26, h - 0.03, z - 0.007), (w * 0.26, h + 0.045, z + 0.007), toast, 0.006))
-    parts += [soft_box((w / 2 - 0.004, h * 0.62, -0.025), (w / 2 + 0.022, h * 0.7, 0.025), dark, 0.005), placed(lathe([(0.016, -0.002), (0.014, 0.012), (0, 0.012)], dark, 14), (w / 2 - 0.001, h * 0.3, 0), turn(2, -np.pi / 2))]
-    return finish(parts, limits, {"material": "metal"})
-
-
-def coffee_maker(rng: np.random.Generator, limits: Limits) -> Made | None:
-    """A filter machine with its glass jug, or an espresso machine with a cup."""
-    body, metal = paint(rng, DARK + DEVICE + VIVID[:1], "plastic"), paint(rng, METALS[:2], "metal")
-    w, d, h = between(rng, 0.17, 0.22), between(rng, 0.2, 0.26), between(rng, 0.3, 0.36)
-    parts = [soft_box((-w / 2, 0, -d / 2), (w / 2, 0.035, d / 2), body, 0.01, 2), soft_box((-w / 2, 0.02, -d / 2), (w / 2, h, -d * 0.12), body, 0.015, 2), soft_box((-w / 2, h * 0.7, -d / 2), (w / 2, h, d * 0.38), body, 0.02, 2)]
-    z = d * 0.16
-    if chance(rng, 0.6):
-        r, tall = w * 0.38, h * 0.44
-        belly = spline([(r * 0.85, 0), (r, tall * 0.4), (r * 0.7, tall * 0.9), (r * 0.72, tall)], 9)
-        coffee = skin("jug", patterns.band((0.78, 0.83, 0.84), (0.16, 0.08, 0.04), 0.0, between(rng, 0.3, 0.7)))
-        jug = [lathe(np.concatenate([[[0, 0]], belly, [[0, tall]]]), coffee, 20), lathe([(r * 0.74, tall), (r * 0.7, tall + 0.014), (0, tall + 0.016)], body, 20)]
-        jug.append(tube(spline([(0, tall, r * 0.6), (0, tall, r + 0.03), (0, tall * 0.5, r + 0.04), (0, tall * 0.3, r + 0.01)], 9), 0.008, body, 7))
-        R = turn(1, between(rng, -0.5, 0.5))
-        parts += [placed(p, (0, 0.036, z), R) for p in jug]
-        return finish(parts, limits, {"style": "filter"})
-    parts += [lathe([(0, h * 0.58), (0.03, h * 0.58), (0.032, h * 0.7), (0, h * 0.7)], metal, 18)]
-    parts = [*parts[:3], placed(parts[3], (0, 0, z)), tube([(0, h * 0.62, z + 0.02), (0, h * 0.61, z + 0.13)], 0.011, BLACK, 8), soft_box((-w * 0.4, 0.03, -d * 0.1), (w * 0.4, 0.042, d * 0.46), metal, 0.003)]
-    cup = paint(rng, CERAMIC, "cup")
-    parts.append(placed(vessel([(0.022, 0), (0.031, 0.03), (0.033, 0.055)], 0.003, cup, cup, 18), (0, 0.043, z)))
-    parts.append(tube(spline([(w * 0.36, h * 0.7, z), (w * 0.42, h * 0.5, z + 0.02), (w * 0.42, h * 0.3, z + 0.03)], 6), 0.005, metal, 6))
-    return finish(parts, limits, {"style": "espresso"})
-
-
-def blender(rng: np.random.Generator, limits: Limits) -> Made | None:
-    """A blender: a motor with a knob below a tall glass jug."""
-    body, r = paint(rng, DARK + VIVID[:2] + METALS[:2] + WHITES, "motor"), between(rng, 0.07, 0.085)
-    base = lathe([(0, 0), (r * 1.15, 0), (r * 1.15, 0.02), (r * 0.95, 0.09), (r * 0.75, 0.12), (0, 0.12)], body, 22)
-    h = between(rng, 0.2, 0.25)
-    drink = tone(rng, ((0.85, 0.30, 0.40), (0.60, 0.75, 0.30), (0.95, 0.85, 0.60)))
-    glass = skin("jug", patterns.band(tone(rng, GLASSES), drink, 0.05, between(rng, 0.4, 0.7))) if chance(rng, 0.5) else paint(rng, GLASSES, "glass")
-    jug = lathe([(0, 0.12), (r * 0.7, 0.12), (r * 0.95, 0.12 + h), (0, 0.121 + h)], glass, 22)
-    lid = lathe([(r * 0.97, 0.118 + h), (r * 0.97, 0.135 + h), (r * 0.5, 0.137 + h), (r * 0.45, 0.155 + h), (0, 0.155 + h)], BLACK, 20)
-    grip = tube(spline([(-r * 0.92, 0.1 + h, 0), (-r * 1.5, 0.1 + h, 0), (-r * 1.45, 0.15, 0), (-r * 0.75, 0.15, 0)], 12), 0.009, BLACK, 7)
-    knob = placed(lathe([(0.02, -0.008), (0.018, 0.014), (0, 0.014)], paint(rng, METALS, "knob"), 14), (0, 0.05, r * 1.08), turn(0, np.pi / 2))
-    return finish([base, jug, lid, grip, knob], limits, {"material": "glass"})
 
 
 GENERATORS: dict[str, Generator] = {
@@ -244,7 +331,5 @@ GENERATORS: dict[str, Generator] = {
     "tray": tray,
     "paper towels": paper_towels,
     "soap dispenser": soap_dispenser,
-    "toaster": toaster,
-    "coffee maker": coffee_maker,
-    "blender": blender,
+    **machines.GENERATORS,
 }

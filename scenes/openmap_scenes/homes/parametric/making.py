@@ -26,13 +26,26 @@ SOFT: tuple[Colour, ...] = (
     (0.88, 0.84, 0.76), (0.60, 0.66, 0.72), (0.72, 0.64, 0.56), (0.56, 0.62, 0.54), (0.80, 0.66, 0.62), (0.92, 0.90, 0.87),
     (0.40, 0.46, 0.56), (0.70, 0.50, 0.36), (0.76, 0.62, 0.30), (0.34, 0.34, 0.36), (0.62, 0.28, 0.26), (0.26, 0.40, 0.38),
 )  # fmt: skip
-METALS: tuple[Colour, ...] = ((0.76, 0.77, 0.78), (0.58, 0.59, 0.61), (0.20, 0.20, 0.21), (0.74, 0.60, 0.34), (0.70, 0.46, 0.34))  # fmt: skip
+METALS: tuple[Colour, ...] = (
+    (0.76, 0.77, 0.78),
+    (0.58, 0.59, 0.61),
+    (0.20, 0.20, 0.21),
+    (0.74, 0.60, 0.34),
+    (0.70, 0.46, 0.34),
+)
 DARK: tuple[Colour, ...] = ((0.10, 0.10, 0.11), (0.16, 0.16, 0.18), (0.22, 0.22, 0.24), (0.14, 0.15, 0.18))
 DEVICE: tuple[Colour, ...] = ((0.13, 0.13, 0.14), (0.80, 0.81, 0.82), (0.55, 0.56, 0.58), (0.92, 0.92, 0.91))
 WHITES: tuple[Colour, ...] = ((0.95, 0.94, 0.92), (0.93, 0.92, 0.88), (0.90, 0.90, 0.90))
 WOODS: tuple[Colour, ...] = (
     (0.72, 0.53, 0.34), (0.58, 0.39, 0.23), (0.42, 0.27, 0.17), (0.80, 0.66, 0.48), (0.50, 0.36, 0.25), (0.86, 0.74, 0.58),
 )  # fmt: skip
+LEATHERS: tuple[Colour, ...] = (
+    (0.42, 0.24, 0.14),
+    (0.14, 0.11, 0.10),
+    (0.62, 0.40, 0.24),
+    (0.48, 0.14, 0.14),
+    (0.80, 0.70, 0.56),
+)
 GLASSES: tuple[Colour, ...] = ((0.80, 0.87, 0.88), (0.74, 0.84, 0.80), (0.85, 0.88, 0.92))
 
 
@@ -50,6 +63,12 @@ def paint(rng: np.random.Generator, palette: tuple[Colour, ...], name: str) -> M
 def solid(name: str, colour: Colour) -> Material:
     """A plain material of a colour."""
     return Material(name, np.array(colour, np.float32))
+
+
+def dimmed(colour: Colour, factor: float) -> Colour:
+    """A colour made darker, or lighter where the factor exceeds 1."""
+    r, g, b = (min(1.0, c * factor) for c in colour)
+    return r, g, b
 
 
 def skin(name: str, texture: npt.NDArray[np.uint8]) -> Material:

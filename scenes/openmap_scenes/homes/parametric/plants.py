@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from openmap_scenes.homes.models import Model
-from openmap_scenes.homes.parametric import patterns
+from openmap_scenes.homes.parametric import bouquets, patterns
 from openmap_scenes.homes.parametric.base import Generator, Limits, Made
+from openmap_scenes.homes.parametric.bouquets import PETALS
+from openmap_scenes.homes.parametric.leaves import GREENS, blade, green
 from openmap_scenes.homes.parametric.making import (
     CERAMIC,
-    GLASSES,
     SOFT,
     VIVID,
-    WHITES,
     WOODS,
     between,
     chance,
@@ -36,17 +36,8 @@ from openmap_scenes.homes.revolve import (
     spline,
     tube,
     turn,
-    vessel,
 )
-from openmap_scenes.homes.textures import Colour
-from openmap_scenes.scene import Material
 
-GREENS: tuple[Colour, ...] = (
-    (0.20, 0.40, 0.17), (0.28, 0.48, 0.20), (0.16, 0.34, 0.20), (0.38, 0.54, 0.24), (0.30, 0.44, 0.30), (0.22, 0.46, 0.26),
-)  # fmt: skip
-PETALS: tuple[Colour, ...] = (
-    (0.86, 0.18, 0.22), (0.95, 0.80, 0.24), (0.94, 0.92, 0.90), (0.90, 0.52, 0.66), (0.62, 0.38, 0.72), (0.94, 0.52, 0.20), (0.46, 0.50, 0.86),
-)  # fmt: skip
 SOIL = solid("soil", (0.20, 0.14, 0.10))
 BARK = solid("bark", (0.38, 0.29, 0.20))
 
@@ -57,7 +48,10 @@ def pot(rng: np.random.Generator, radius: float, height: float) -> tuple[list[Mo
     glaze = paint(rng, (*CERAMIC, *SOFT, *VIVID), "pot")
     stuff = "ceramic"
     if style == "square":
-        parts = [soft_box((-r, 0, -r), (r, h, r), glaze, 0.012, 2), soft_box((-r * 0.88, h - 0.01, -r * 0.88), (r * 0.88, h + 0.004, r * 0.88), SOIL, 0.004)]
+        parts = [
+            soft_box((-r, 0, -r), (r, h, r), glaze, 0.012, 2),
+            soft_box((-r * 0.88, h - 0.01, -r * 0.88), (r * 0.88, h + 0.004, r * 0.88), SOIL, 0.004),
+        ]
         return parts, stuff
     if style == "terracotta":
         clay = paint(rng, ((0.72, 0.42, 0.28), (0.66, 0.38, 0.26)), "terracotta")
@@ -67,7 +61,11 @@ def pot(rng: np.random.Generator, radius: float, height: float) -> tuple[list[Mo
         wall, stuff = skin("wicker", patterns.wicker(rng, tone(rng, WOODS), 9, 26)), "wicker"
         outline = spline([(r * 0.85, 0), (r, h * 0.4), (r, h * 0.8), (r * 0.96, h)], 7)
     else:
-        wall = glaze if chance(rng, 0.6) else skin("pot", patterns.band(tone(rng, CERAMIC), tone(rng, CERAMIC + VIVID), 0.4, 0.75))
+        wall = (
+            glaze
+            if chance(rng, 0.6)
+            else skin("pot", patterns.band(tone(rng, CERAMIC), tone(rng, CERAMIC + VIVID), 0.4, 0.75))
+        )
         shape = [(0.7, 0), (0.86, 0.5), (1, 1)] if chance(rng, 0.6) else [(0.55, 0), (1.0, 0.4), (1.04, 0.7), (0.95, 1)]
         outline = spline([(a * r, b * h) for a, b in shape], 8)
     rim, inner = float(outline[-1, 0]), 0.06 * r
@@ -81,19 +79,6 @@ def _turns(rng: np.random.Generator, count: int, low: float, high: float) -> tup
     azimuth = 2.39996 * np.arange(count) + rng.normal(0, 0.2, count) + rng.uniform(0, 6.3)
     tilt = rng.uniform(low, high, count)
     return np.stack([turn(1, a) @ turn(2, -t) for a, t in zip(azimuth, tilt, strict=True)]), azimuth
-
-
-def blade(long: float, wide: float, material: Material, droop: float, n: int = 6, fold: float = 0.25, point: float = 1.0) -> Model:
-    """A leaf that grows along +x from the origin, arching up and then down by ``droop`` of its length."""
-    t = np.linspace(0, 1, n)
-    spine = np.stack([long * t, long * (0.25 * t - (0.25 + droop) * t * t), np.zeros(n)], 1)
-    width = wide * np.sin(np.pi * np.clip(t**0.75, 0.02, 0.985)) ** point
-    return leaf(spine, width, material, fold=fold)
-
-
-def green(rng: np.random.Generator) -> Material:
-    """Leaves of some green, now and then with pale edges."""
-    return skin("leaf", patterns.foliage(rng, tone(rng, GREENS), chance(rng, 0.2)))
 
 
 def rosette(rng: np.random.Generator, r: float) -> list[Model]:
@@ -129,7 +114,14 @@ def tree(rng: np.random.Generator, r: float) -> list[Model]:
         a, base = 0.9 * 2.4 * k, trunk[4 + k // 2]
         tip = np.array([r * 0.62 * np.cos(a), h * (0.72 + 0.09 * k), r * 0.62 * np.sin(a)])
         ends.append(tip)
-        parts.append(tube(np.stack([base, (base + tip) / 2 + [0, 0.03 * r, 0], tip]), [0.016 * r + 0.002, 0.011 * r + 0.002, 0.004], BARK, 5))
+        parts.append(
+            tube(
+                np.stack([base, (base + tip) / 2 + [0, 0.03 * r, 0], tip]),
+                [0.016 * r + 0.002, 0.011 * r + 0.002, 0.004],
+                BARK,
+                5,
+            )
+        )
     n = 120
     centre = np.array([0, h * 1.05, 0])
     d = rng.normal(size=(n, 3))
@@ -186,7 +178,11 @@ def cactus_shape(rng: np.random.Generator, r: float) -> list[Model]:
 
     def ribbed(wide: float, tall: float) -> Model:
         t = np.linspace(0, 1, 10)
-        rad = wide * np.clip(1 - (2 * t - 1) ** 6, 0, 1) ** 0.5 if style == 0 else wide * np.sin(np.pi * np.clip(t, 0, 1)) ** 0.7
+        rad = (
+            wide * np.clip(1 - (2 * t - 1) ** 6, 0, 1) ** 0.5
+            if style == 0
+            else wide * np.sin(np.pi * np.clip(t, 0, 1)) ** 0.7
+        )
         rad[[0, -1]] = 0.0
         rr = rad[:, None] * rib
         return grid(np.stack([rr * np.cos(phi), np.repeat((tall * t)[:, None], 41, 1), -rr * np.sin(phi)], 2), mat)
@@ -196,17 +192,38 @@ def cactus_shape(rng: np.random.Generator, r: float) -> list[Model]:
         for k in range(int(rng.integers(2, 5))):
             a = between(rng, -0.9, 0.9)
             pad = ellipsoid((0, r * 0.35, 0), (r * 0.3, r * 0.4, r * 0.1), mat, 14, 8)
-            parts.append(placed(pad, (0.35 * r * np.sin(a), r * (0.95 + 0.1 * np.cos(a)), 0.02 * k), turn(2, -a) @ turn(1, float(rng.normal(0, 0.5)))))
+            parts.append(
+                placed(
+                    pad,
+                    (0.35 * r * np.sin(a), r * (0.95 + 0.1 * np.cos(a)), 0.02 * k),
+                    turn(2, -a) @ turn(1, float(rng.normal(0, 0.5))),
+                )
+            )
         return parts
     if style == 1:
         parts = [placed(ribbed(r * 0.8, r * 1.3), (0, -0.1 * r, 0))]
-        parts.append(placed(lathe([(0.0, 0), (r * 0.16, 0.01), (r * 0.2, r * 0.16), (0, r * 0.08)], paint(rng, PETALS, "blossom"), 10), (0, r * 1.13, 0)))
+        parts.append(
+            placed(
+                lathe(
+                    [(0.0, 0), (r * 0.16, 0.01), (r * 0.2, r * 0.16), (0, r * 0.08)], paint(rng, PETALS, "blossom"), 10
+                ),
+                (0, r * 1.13, 0),
+            )
+        )
         return parts
     tall = r * between(rng, 2.0, 3.2)
     parts = [placed(ribbed(r * 0.38, tall), (0, -0.05 * r, 0))]
     for side in (-1, 1)[: int(rng.integers(0, 3))]:
         y = tall * between(rng, 0.3, 0.5)
-        elbow = spline([(0, y, 0), (side * r * 0.55, y + 0.05 * r, 0), (side * r * 0.75, y + 0.35 * r, 0), (side * r * 0.75, y + 0.9 * r, 0)], 10)
+        elbow = spline(
+            [
+                (0, y, 0),
+                (side * r * 0.55, y + 0.05 * r, 0),
+                (side * r * 0.75, y + 0.35 * r, 0),
+                (side * r * 0.75, y + 0.9 * r, 0),
+            ],
+            10,
+        )
         parts.append(tube(elbow, r * 0.2 * np.sqrt(np.clip(1 - np.linspace(0, 1, 10) ** 6, 0.03, 1)), mat, 10))
     return parts
 
@@ -218,7 +235,15 @@ def trailing(rng: np.random.Generator, r: float) -> list[Model]:
     for k in range(10):
         a, drop = 0.63 * k + float(rng.normal(0, 0.15)), r * between(rng, 0.5, 1.4)
         out = np.array([np.cos(a), 0, np.sin(a)])
-        path = spline([out * 0.2 * r, out * 0.8 * r + [0, 0.3 * r, 0], out * 1.2 * r + [0, 0.05 * r, 0], out * 1.3 * r - [0, drop, 0]], 8)
+        path = spline(
+            [
+                out * 0.2 * r,
+                out * 0.8 * r + [0, 0.3 * r, 0],
+                out * 1.2 * r + [0, 0.05 * r, 0],
+                out * 1.3 * r - [0, drop, 0],
+            ],
+            8,
+        )
         path[:, 1] = np.maximum(path[:, 1], -r * 1.2)
         parts.append(tube(path, 0.0025, stalk, 4))
         for j in range(1, 8):
@@ -229,7 +254,8 @@ def trailing(rng: np.random.Generator, r: float) -> list[Model]:
 
 
 HABITS = {
-    "rosette": rosette, "bushy": bushy, "tree": tree, "palm": palm, "snake plant": snake, "cactus": cactus_shape, "trailing": trailing,
+    "rosette": rosette, "bushy": bushy, "tree": tree, "palm": palm, "snake plant": snake, "cactus": cactus_shape,
+    "trailing": trailing,
 }  # fmt: skip
 
 
@@ -273,7 +299,7 @@ def succulent(rng: np.random.Generator, limits: Limits) -> Made | None:
     r = between(rng, 0.04, 0.07)
     h = r * between(rng, 0.9, 1.4)
     parts, stuff = pot(rng, r, h)
-    a, b = tone(rng, GREENS + ((0.52, 0.62, 0.56), (0.50, 0.46, 0.56))), tone(rng, PETALS[3:5] + GREENS)
+    a, b = tone(rng, (*GREENS, (0.52, 0.62, 0.56), (0.5, 0.46, 0.56))), tone(rng, PETALS[3:5] + GREENS)
     mat = skin("succulent", patterns.fade(a, a) if chance(rng, 0.5) else patterns.fade(b, a))
     n = 34
     k = np.arange(n)
@@ -284,48 +310,6 @@ def succulent(rng: np.random.Generator, limits: Limits) -> Made | None:
     return finish(parts, limits, {"material": stuff})
 
 
-def blossom(rng: np.random.Generator, style: str, mat: Material, size: float) -> Model:
-    """A flower that looks along +y from the origin."""
-    heart = solid("heart", (0.88, 0.72, 0.22) if style == "daisy" else (0.45, 0.30, 0.14))
-    if style == "tulip":
-        return lathe([(0, 0), (size * 0.38, size * 0.1), (size * 0.5, size * 0.5), (size * 0.36, size * 1.05), (size * 0.3, size * 1.0), (size * 0.4, size * 0.5), (0, size * 0.2)], mat, 10)  # fmt: skip
-    if style == "rose":
-        spiral = [ellipsoid((0, 0, 0), (size * s, size * s * 0.75, size * s), mat, 10, 6, 0.8) for s in (0.5, 0.36)]
-        return merge([placed(spiral[0], (0, size * 0.3, 0)), placed(spiral[1], (0.04 * size, size * 0.5, 0))])
-    n, wide = (12, 0.22) if style == "daisy" else (6, 0.45)
-    petal = blade(size * 0.8, size * wide, mat, 0.25, 3)
-    R = np.stack([turn(1, 2 * np.pi * k / n) for k in range(n)])
-    middle = ellipsoid((0, size * 0.03, 0), (size * 0.2, size * 0.12, size * 0.2), heart, 8, 5)
-    return merge([copies(petal, np.zeros((n, 3)), R), middle])
-
-
-def bouquet(rng: np.random.Generator, height: float, spread: float) -> list[Model]:
-    """Stems from the origin with flowers at ``height`` and leaves between."""
-    style, stalk = pick(rng, "tulip", "rose", "daisy", "lily"), solid("stalk", (0.30, 0.48, 0.22))
-    n = int(rng.integers(5, 10))
-    mats = [paint(rng, PETALS, "petal") for _ in range(int(rng.integers(1, 4)))]
-    leaf_mat, size, parts = green(rng), between(rng, 0.045, 0.065), []
-    for k in range(n):
-        a, out = 2.4 * k, spread * np.sqrt((k + 0.3) / n)
-        tip = np.array([out * np.cos(a), height * between(rng, 0.85, 1.1), out * np.sin(a)])
-        parts.append(tube(spline([np.zeros(3), tip * [0.35, 0.55, 0.35], tip], 5), 0.0025, stalk, 5))
-        tilt = turn(1, -a) @ turn(2, -0.7 * out / max(spread, 1e-6))
-        parts.append(placed(blossom(rng, style, mats[k % len(mats)], size), tip, tilt))
-        foliage = blade(height * 0.4, 0.03, leaf_mat, 0.2, 5)
-        parts.append(placed(foliage, tip * [0.3, 0.5, 0.3], turn(1, -a + 1.0) @ turn(2, 0.6)))
-    return parts
-
-
-def flowers(rng: np.random.Generator, limits: Limits) -> Made | None:
-    """Cut flowers in a vase."""
-    r, h = between(rng, 0.035, 0.06), between(rng, 0.13, 0.22)
-    mat = paint(rng, GLASSES + CERAMIC + WHITES, "vase")
-    shape = ([(0.8, 0), (1, 0.3), (0.8, 0.7), (0.95, 1)], [(0.7, 0), (0.75, 0.5), (1, 1)], [(0.6, 0), (1.1, 0.35), (0.5, 0.8), (0.7, 1)])[int(rng.integers(3))]
-    parts = [vessel(spline([(a * r, b * h) for a, b in shape], 10), 0.004, mat, mat, 20)]
-    parts += [placed(p, (0, h * 0.55, 0)) for p in bouquet(rng, between(rng, 0.18, 0.26), between(rng, 0.08, 0.13))]
-    return finish(parts, limits, {"material": "ceramic"}, smallest=0.6)
-
-
 GENERATORS: dict[str, Generator] = {
     "potted plant": potted_plant,
     "ficus": ficus,
@@ -333,5 +317,5 @@ GENERATORS: dict[str, Generator] = {
     "snake plant": snake_plant,
     "cactus": cactus,
     "succulent": succulent,
-    "flowers": flowers,
+    **bouquets.GENERATORS,
 }

@@ -33,7 +33,11 @@ def seaside(rng: np.random.Generator, size: int = 128) -> Image:
     u, v = unit(size)
     horizon, shore = float(rng.uniform(0.35, 0.55)), float(rng.uniform(0.72, 0.85))
     warm = rng.random() < 0.5
-    sky, glow = (np.array([0.55, 0.72, 0.90]), np.array([0.95, 0.93, 0.86])) if not warm else (np.array([0.45, 0.40, 0.62]), np.array([0.98, 0.66, 0.36]))  # fmt: skip
+    sky, glow = (
+        (np.array([0.55, 0.72, 0.90]), np.array([0.95, 0.93, 0.86]))
+        if not warm
+        else (np.array([0.45, 0.40, 0.62]), np.array([0.98, 0.66, 0.36]))
+    )
     rgb = sky + (glow - sky) * np.clip(v / horizon, 0, 1)[..., None] ** 1.5
     rgb[np.hypot(u - rng.uniform(0.25, 0.75), v - horizon * 0.7) < 0.07] = (0.99, 0.95, 0.80)
     water = np.array([0.16, 0.42, 0.54]) * (1 + 0.22 * noise(rng, (size, size), (0.8, 7)))[..., None]
@@ -47,7 +51,7 @@ def abstract(rng: np.random.Generator, size: int = 128) -> Image:
     ground, style = tone(rng, WHITES + SOFT), int(rng.integers(3))
     palette = [tone(rng, VIVID + SOFT + DARK) for _ in range(4)]
     if style == 0:
-        u, v = unit(size)
+        _u, _v = unit(size)
         rgb = np.ones((size, size, 3)) * np.array(ground)
         for k in range(5):
             blot = noise(rng, (size, size), float(rng.uniform(6, 18)))
@@ -111,7 +115,13 @@ def portrait(rng: np.random.Generator, size: int = 96) -> Image:
 
 def any_picture(rng: np.random.Generator) -> tuple[Image, str]:
     """Some picture for a wall and what people call it."""
-    makers = ((landscape, "landscape"), (seaside, "seascape"), (abstract, "abstract"), (botanical, "botanical print"), (portrait, "portrait"))  # fmt: skip
+    makers = (
+        (landscape, "landscape"),
+        (seaside, "seascape"),
+        (abstract, "abstract"),
+        (botanical, "botanical print"),
+        (portrait, "portrait"),
+    )
     maker, name = makers[int(rng.choice(5, p=[0.25, 0.2, 0.25, 0.2, 0.1]))]
     return maker(rng), name
 

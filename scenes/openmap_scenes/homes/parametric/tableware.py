@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from openmap_scenes.homes.models import Model
-from openmap_scenes.homes.parametric import kitchenware, patterns
+from openmap_scenes.homes.parametric import bottles, kitchenware, patterns
 from openmap_scenes.homes.parametric.base import Generator, Limits, Made
+from openmap_scenes.homes.parametric.glazes import glaze
 from openmap_scenes.homes.parametric.making import (
     CERAMIC,
     GLASSES,
     METALS,
-    SOFT,
     VIVID,
     WHITES,
     WOODS,
@@ -29,23 +29,6 @@ from openmap_scenes.homes.textures import Colour
 from openmap_scenes.scene import Material
 
 DRINKS: tuple[Colour, ...] = ((0.22, 0.12, 0.06), (0.60, 0.42, 0.26), (0.55, 0.28, 0.10), (0.93, 0.90, 0.84))
-
-
-def glaze(rng: np.random.Generator) -> tuple[Material, Material, str]:
-    """Outside and inside of a piece of crockery, and what its pattern is called."""
-    a, b = tone(rng, CERAMIC + VIVID), tone(rng, WHITES)
-    style = int(rng.integers(6))
-    inside = solid("glaze inside", b if style != 1 else a)
-    if style <= 1:
-        return solid("glaze", a if style else b), inside, "plain"
-    if style == 2:
-        low = between(rng, 0.3, 0.6)
-        return skin("glaze", patterns.band(b, a, low, low + between(rng, 0.08, 0.25))), inside, "striped"
-    if style == 3:
-        return skin("glaze", patterns.band(a, tone(rng, SOFT), 0.5, 1.0)), inside, "two-tone"
-    if style == 4:
-        return skin("glaze", patterns.speckle(rng, a, (0.3, 0.25, 0.2))), inside, "speckled"
-    return skin("glaze", patterns.dots(rng, b, a, 5)), inside, "dotted"
 
 
 def handle(
@@ -77,7 +60,11 @@ def cup(rng: np.random.Generator, limits: Limits) -> Made | None:
     """A tea or coffee cup, mostly on a saucer, with something in it or not."""
     outside, inside, pattern = glaze(rng)
     r, h = between(rng, 0.034, 0.048), between(rng, 0.05, 0.07)
-    shape = ([(0.5, 0), (0.75, 0.2), (0.95, 0.6), (1.0, 1.0)], [(0.55, 0), (0.9, 0.15), (0.97, 0.5), (1.0, 1.0)], [(0.45, 0), (0.6, 0.08), (0.85, 0.5), (1.08, 1.0)])[int(rng.integers(3))]  # fmt: skip
+    shape = (
+        [(0.5, 0), (0.75, 0.2), (0.95, 0.6), (1.0, 1.0)],
+        [(0.55, 0), (0.9, 0.15), (0.97, 0.5), (1.0, 1.0)],
+        [(0.45, 0), (0.6, 0.08), (0.85, 0.5), (1.08, 1.0)],
+    )[int(rng.integers(3))]
     outline = spline([(a * r, b * h) for a, b in shape], 9)
     parts = [
         vessel(outline, 0.003, outside, inside, 22),
@@ -162,19 +149,17 @@ def glass(rng: np.random.Generator, limits: Limits) -> Made | None:
             ]
         )
         return finish(parts, limits, {"material": "glass", "shape": style})
-    r, h = (
-        (between(rng, 0.034, 0.042), between(rng, 0.08, 0.1))
-        if style == "tumbler"
-        else (0.032, between(rng, 0.13, 0.16))
-    )
-    if style == "tankard":
-        r, h = 0.042, 0.14
-    fill = between(rng, 0.0, 0.85) if chance(rng, 0.6) else 0.0
+    r, h = {
+        "tumbler": (between(rng, 0.034, 0.042), between(rng, 0.08, 0.1)),
+        "highball": (0.032, between(rng, 0.13, 0.16)),
+        "tankard": (0.042, 0.14),
+    }[style]
+    full = between(rng, 0.0, 0.85) if chance(rng, 0.6) else 0.0
     outline = np.array([(r * (0.86 + 0.14 * t), h * t) for t in np.linspace(0, 1, 6)])
     parts = [_cylinder_wall(outline, clear, 0.004)]
-    if fill > 0.2:
-        top = np.array([(r * (0.86 + 0.14 * t) + 0.0004, h * t) for t in np.linspace(0.05, fill, 4)])
-        parts.append(lathe(np.concatenate([[[0, h * 0.05]], top, [[0, h * fill]]]), drink, 20))
+    if full > 0.2:
+        top = np.array([(r * (0.86 + 0.14 * t) + 0.0004, h * t) for t in np.linspace(0.05, full, 4)])
+        parts.append(lathe(np.concatenate([[[0, h * 0.05]], top, [[0, h * full]]]), drink, 20))
     if style == "tankard":
         parts.append(handle((r, h * 0.85), (r * 0.95, h * 0.2), 0.035, clear, 0.007))
     return finish(parts, limits, {"material": "glass", "shape": style})
@@ -329,99 +314,6 @@ def teapot(rng: np.random.Generator, limits: Limits) -> Made | None:
     return finish(parts, limits, {"material": "ceramic", "pattern": pattern})
 
 
-def jar(rng: np.random.Generator, limits: Limits) -> Made | None:
-    """A jar of glass with something in it, or of stoneware; lid of metal, cork or wood."""
-    r, h = between(rng, 0.035, 0.06), between(rng, 0.09, 0.19)
-    full = chance(rng, 0.7)
-    stuff = "glass" if full else "ceramic"
-    if full:
-        inside = tone(
-            rng,
-            (
-                (0.75, 0.55, 0.25),
-                (0.62, 0.12, 0.12),
-                (0.35, 0.20, 0.10),
-                (0.88, 0.80, 0.62),
-                (0.40, 0.48, 0.22),
-                (0.86, 0.48, 0.14),
-            ),
-        )
-        level = between(rng, 0.55, 0.85)
-        body = skin("jar", patterns.band(tone(rng, GLASSES), inside, 0.08, level))
-    else:
-        body = glaze(rng)[0]
-    profile = [
-        (0, 0),
-        *spline([(r * 0.93, 0), (r, 0.01), (r, h * 0.5), (r, h * 0.86), (r * 0.82, h * 0.95), (r * 0.82, h)], 12),
-    ]
-    stopper = pick(rng, "metal", "cork", "wood")
-    top = {"metal": METALS + VIVID[:2], "cork": ((0.72, 0.56, 0.38),), "wood": WOODS}[stopper]
-    lid = lathe(
-        [(r * 0.84, h - 0.004), (r * 0.87, h), (r * 0.87, h + 0.018), (r * 0.83, h + 0.022), (0, h + 0.022)],
-        paint(rng, top, "lid"),
-        20,
-    )
-    return finish([lathe(profile, body, 22), lid], limits, {"material": stuff})
-
-
-def _bottle(r: float, h: float, neck: float, shoulder: float, material: Material) -> Model:
-    profile = [(r * 0.95, 0), (r, 0.006), (r, h * shoulder * 0.5), (r, h * shoulder), (r * 0.85, h * (shoulder + 0.07)), (neck * 1.15, h * (shoulder + 0.18)), (neck, h * 0.9), (neck, h)]  # fmt: skip
-    body = np.concatenate([[profile[0]], spline(profile[1:], 18)])
-    return lathe(np.concatenate([[[0, 0]], body, [[0, h]]]), material, 18)
-
-
-def wine_bottle(rng: np.random.Generator, limits: Limits) -> Made | None:
-    """A bottle of wine with label and capsule: Bordeaux, Burgundy or Rhine shape."""
-    r, h, shoulder = between(rng, 0.036, 0.041), between(rng, 0.29, 0.34), float(rng.choice([0.6, 0.45, 0.35]))
-    dark = solid(
-        "bottle glass",
-        tone(rng, ((0.10, 0.18, 0.10), (0.16, 0.10, 0.06), (0.30, 0.36, 0.18), (0.08, 0.10, 0.10), (0.72, 0.70, 0.48))),
-    )
-    parts = [_bottle(r, h, 0.013, shoulder, dark)]
-    label = skin("label", patterns.cover(rng, 64)) if chance(rng, 0.5) else solid("label", (0.93, 0.90, 0.82))
-    y = h * shoulder * 0.22
-    tall = h * shoulder * 0.55
-    parts.append(
-        lathe([(r + 0.0002, y), (r + 0.0006, y), (r + 0.0006, y + tall), (r + 0.0002, y + tall)], label, 18, 2.0)
-    )
-    capsule = paint(rng, ((0.45, 0.08, 0.12), (0.12, 0.12, 0.13), (0.72, 0.60, 0.30), (0.80, 0.80, 0.80)), "capsule")
-    parts.append(lathe([(0.0136, h * 0.84), (0.0142, h * 0.85), (0.0142, h + 0.002), (0, h + 0.002)], capsule, 14))
-    return finish(parts, limits, {"material": "glass"})
-
-
-def bottle(rng: np.random.Generator, limits: Limits) -> Made | None:
-    """A bottle of water, soda, oil, shampoo or cleaner, with label and cap."""
-    style = pick(rng, "plastic", "glass", "shampoo", "soda")
-    if style == "shampoo":
-        w, d, h = between(rng, 0.03, 0.04), between(rng, 0.018, 0.025), between(rng, 0.15, 0.21)
-        body, cap = paint(rng, VIVID + WHITES + SOFT, "bottle"), paint(rng, WHITES + SOFT, "cap")
-        parts = [
-            ellipsoid((0, h / 2, 0), (w, h / 2, d), body, 20, 12, 0.3, 0.7),
-            lathe([(0.016, h - 0.008), (0.016, h + 0.022), (0, h + 0.022)], cap, 16),
-        ]
-        parts.append(
-            soft_box(
-                (-w * 0.62, h * 0.25, d * 0.88),
-                (w * 0.62, h * 0.7, d * 1.03),
-                skin("label", patterns.cover(rng, 64)),
-                0.001,
-            )
-        )
-        return finish(parts, limits, {"material": "plastic"})
-    r, h = between(rng, 0.03, 0.042), between(rng, 0.2, 0.31)
-    colour = {"plastic": ((0.74, 0.86, 0.94), (0.80, 0.90, 0.86)), "glass": ((0.82, 0.74, 0.30), (0.24, 0.42, 0.26), (0.80, 0.87, 0.88)), "soda": ((0.22, 0.10, 0.06), (0.88, 0.52, 0.14), (0.40, 0.66, 0.24))}[style]  # fmt: skip
-    parts = [_bottle(r, h, 0.012, between(rng, 0.5, 0.65), paint(rng, colour, "bottle"))]
-    parts.append(
-        lathe([(0.0145, h - 0.012), (0.0145, h + 0.006), (0, h + 0.006)], paint(rng, VIVID + WHITES, "cap"), 14)
-    )
-    a = tone(rng, VIVID)
-    label = skin("label", patterns.band(a, tone(rng, WHITES), 0.35, 0.65))
-    parts.append(
-        lathe([(r + 0.0002, h * 0.2), (r + 0.0008, h * 0.2), (r + 0.0008, h * 0.42), (r + 0.0002, h * 0.42)], label, 18)
-    )
-    return finish(parts, limits, {"material": "glass" if style == "glass" else "plastic"})
-
-
 GENERATORS: dict[str, Generator] = {
     "cup": cup,
     "mug": mug,
@@ -430,8 +322,6 @@ GENERATORS: dict[str, Generator] = {
     "bowl": bowl,
     "place setting": place_setting,
     "teapot": teapot,
-    "jar": jar,
-    "wine bottle": wine_bottle,
-    "bottle": bottle,
     **kitchenware.GENERATORS,
+    **bottles.GENERATORS,
 }

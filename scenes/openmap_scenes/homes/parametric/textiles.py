@@ -15,6 +15,7 @@ from openmap_scenes.homes.parametric.making import (
     WOODS,
     between,
     chance,
+    dimmed,
     finish,
     paint,
     pick,
@@ -24,6 +25,7 @@ from openmap_scenes.homes.parametric.making import (
 )
 from openmap_scenes.homes.primitives import box, merge
 from openmap_scenes.homes.revolve import Array, ellipsoid, grid, lathe, placed, sheet, soft_box, tube, turn
+from openmap_scenes.homes.textures import Image
 from openmap_scenes.scene import Material
 
 
@@ -41,7 +43,7 @@ def flat_rug(texture: Material, width: float, depth: float, thick: float, edge: 
     return parts
 
 
-def _fringe() -> np.ndarray[tuple[int, ...], np.dtype[np.uint8]]:
+def _fringe() -> Image:
     """Threads side by side across the strip."""
     v = np.arange(128) % 4 < 3
     return np.broadcast_to(np.where(v, 225, 150)[:, None, None], (128, 8, 3)).astype(np.uint8)
@@ -81,7 +83,7 @@ def round_rug(rng: np.random.Generator, limits: Limits) -> Made | None:
     )
 
 
-def _braid(rng: np.random.Generator, size: int = 160) -> patterns.Image:
+def _braid(rng: np.random.Generator, size: int = 160) -> Image:
     u, v = patterns.unit(size)
     r, phi = np.hypot(u - 0.5, v - 0.5) * 28, np.arctan2(v - 0.5, u - 0.5)
     shade = 0.75 + 0.3 * np.sin(np.pi * (r % 1)) * (0.7 + 0.3 * np.sin(phi * 40 + 3 * np.floor(r)))
@@ -104,7 +106,7 @@ def bath_mat(rng: np.random.Generator, limits: Limits) -> Made | None:
     colour = tone(rng, SOFT + VIVID)
     image = {
         "shaggy": lambda: patterns.fur(rng, colour),
-        "ribbed": lambda: patterns.stripes(rng, [colour, tuple(0.8 * c for c in colour)], 12, False),  # type: ignore[list-item]
+        "ribbed": lambda: patterns.stripes(rng, [colour, dimmed(colour, 0.8)], 12, False),
         "bordered": lambda: rugs.bordered(rng, width / depth),
         "striped": lambda: patterns.stripes(rng, [colour, tone(rng, WHITES)], 4, True),
     }[style]()
@@ -126,13 +128,20 @@ def doormat(rng: np.random.Generator, limits: Limits) -> Made | None:
         "dotted": np.hypot((u_v[0] * 10) % 1 - 0.5, (u_v[1] * 6) % 1 - 0.5) < 0.2,
     }[style]
     rgb = patterns.fur(rng, colour, 128, 0.16) / 255.0 * np.where(dark, 0.45, 1.0)[..., None]
-    parts = flat_rug(skin("doormat", patterns.to_image(rgb)), width, depth, between(rng, 0.01, 0.018), solid("rubber", (0.12, 0.12, 0.12)), False)  # fmt: skip
+    parts = flat_rug(
+        skin("doormat", patterns.to_image(rgb)),
+        width,
+        depth,
+        between(rng, 0.01, 0.018),
+        solid("rubber", (0.12, 0.12, 0.12)),
+        False,
+    )
     return finish(parts, limits, {"shape": "rectangular", "pattern": style, "material": "coir"}, smallest=0.6)
 
 
 def _pleats(rng: np.random.Generator, width: float, height: float, folds: float, gather: float) -> Array:
     """A hanging panel (nv + 1, nu + 1, 3): its left edge at x = 0, folds that deepen downwards, drawn in where it is tied."""
-    nu, nv = int(np.clip(folds * 6, 12, 60)), max(4, int(np.ceil(height / 0.28)))
+    nu, nv = int(np.clip(folds * 5, 12, 40)), max(4, int(np.ceil(height / 0.28)))
     u, v = np.meshgrid(np.linspace(0, 1, nu + 1), np.linspace(1, 0, nv + 1))
     v = v[::-1]
     phase = float(rng.uniform(0, 6.3))
@@ -195,7 +204,7 @@ def blinds(rng: np.random.Generator, limits: Limits) -> Made | None:
     parts = [soft_box((-w, height - 0.045, -0.025), (w, height, 0.025), head, 0.006)]
     if style == "venetian":
         slat = paint(rng, WHITES + WOODS + SOFT[:3], "slat")
-        n = max(3, min(44, int((down - 0.06) / 0.042)))
+        n = max(3, min(26, int((down - 0.06) / 0.042)))
         tilt = turn(0, between(rng, 0.4, 1.0))
         for k in range(n):
             y = height - 0.06 - (down - 0.08) * k / n
@@ -223,7 +232,18 @@ def cushion(rng: np.random.Generator, limits: Limits) -> Made | None:
         parts.append(ellipsoid((0, high - 0.004, 0), (0.018, 0.008, 0.018), cover, 8, 4))
     elif shape == "bolster":
         r = between(rng, 0.08, 0.1)
-        roll = lathe([(0, -size * 0.7), (r * 0.8, -size * 0.7), (r, -size * 0.66), (r, 0), (r, size * 0.66), (r * 0.8, size * 0.7), (0, size * 0.7)], cover)  # fmt: skip
+        roll = lathe(
+            [
+                (0, -size * 0.7),
+                (r * 0.8, -size * 0.7),
+                (r, -size * 0.66),
+                (r, 0),
+                (r, size * 0.66),
+                (r * 0.8, size * 0.7),
+                (0, size * 0.7),
+            ],
+            cover,
+        )
         parts = [placed(roll, rotation=turn(2, np.pi / 2))]
     else:
         depth = size if shape == "square" else size * between(rng, 0.6, 0.75)
