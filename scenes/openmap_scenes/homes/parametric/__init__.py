@@ -17,6 +17,7 @@ from openmap_scenes.homes.parametric import (
     plants,
     seating,
     shelving,
+    small,
     sofas,
     storage,
     tables,
@@ -26,7 +27,7 @@ from openmap_scenes.homes.parametric import (
 from openmap_scenes.homes.parametric.base import Generator, Limits, Made
 
 FURNITURE = (seating, sofas, tables, storage, shelving, beds, kitchen, appliances, bathroom)
-THINGS = (textiles, lighting, decor, plants, tableware, food, media, fixtures)
+THINGS = (textiles, lighting, decor, plants, tableware, food, media, fixtures, small)
 
 GENERATORS: dict[str, Generator] = {}
 for _module in FURNITURE + THINGS:

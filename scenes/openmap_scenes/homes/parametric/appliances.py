@@ -67,8 +67,8 @@ def _hob(rng: np.random.Generator, w: float, y: float, body: Material) -> list[M
         parts = [rounded_box((-w / 2 + 0.012, y, -0.27), (w / 2 - 0.012, y + 0.006, 0.27), black, 0.002)]
         grey = finishes.painted((0.34, 0.33, 0.34), "ring")
         for x, z, r in spots:
-            ring = lathe([(r, 0.0), (r, 0.0015), (r - 0.006, 0.0015), (r - 0.006, 0.0)], grey, {0, 1, 2, 3}, 24)
-            parts += [moved(ring, x, y + 0.006, z)]
+            parts.append(cylinder(r, y + 0.004, y + 0.007, grey, 0.0005, 24, (x, z)))
+            parts.append(cylinder(r - 0.006, y + 0.004, y + 0.0078, black, 0.0005, 24, (x, z)))
         return parts
     parts = []
     for x, z, r in spots:
@@ -95,7 +95,7 @@ def stove(rng: np.random.Generator, limits: Limits) -> Made | None:
     """A cooker: a hob with knobs below its edge over an oven, a drawer at the floor."""
     s = kitchen_style(rng)
     size = base_size(rng, limits, (0.55, 0.75))
-    if size is None:
+    if size is None or limits.height < HEIGHT + 0.03:
         return None
     w = size[0]
     body, material = _body(rng)
@@ -108,9 +108,9 @@ def stove(rng: np.random.Generator, limits: Limits) -> Made | None:
     parts += _oven_door(w, 0.25, top - 0.12, FRONT, body, iron)
     parts.append(rounded_box((-w / 2 + 0.006, 0.07, FRONT), (w / 2 - 0.006, 0.24, FRONT + 0.022), body, 0.004))
     parts += _hob(rng, w, top, body)
-    if rng.random() < 0.35:
+    if rng.random() < 0.35 and limits.height > HEIGHT + 0.13:
         parts.append(rounded_box((-w / 2, top, -DEPTH / 2), (w / 2, top + 0.12, -DEPTH / 2 + 0.04), body, 0.006))
-    return made(parts, (w, DEPTH, min(limits.height, HEIGHT + 0.13)), {"material": material})
+    return made(parts, (w, size[1], min(limits.height, HEIGHT + 0.13)), {"material": material})
 
 
 def oven(rng: np.random.Generator, limits: Limits) -> Made | None:
@@ -312,7 +312,7 @@ def _drum(rng: np.random.Generator, limits: Limits, dryer_: bool) -> Made | None
     parts.append(rounded_box((-w / 2 + 0.002, h - 0.125, z), (w / 2 - 0.002, h - 0.006, z + 0.012), body, 0.004))
     line = [(r + 0.02, 0.0), (r + 0.02, 0.022), (r, 0.034), (r - 0.03, 0.034), (r - 0.04, 0.016)]
     parts.append(
-        moved(turned(lathe([*line, (r - 0.04, 0.0)], ring, {0, 1, 3, 5}, 32), "x", np.pi / 2), 0, h * 0.43, z - 0.001)
+        moved(turned(lathe([*line, (0.0, 0.012)], ring, {0, 1, 3, 4}, 32), "x", np.pi / 2), 0, h * 0.43, z - 0.001)
     )
     bulge = [
         (r - 0.035, 0.0),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 
 from openmap_scenes.homes.models import Model
 from openmap_scenes.homes.parametric import finishes
@@ -36,9 +37,17 @@ def _bowl(rings: Sequence[Ring], m: Material, power: float = 2.4, sharp: Sequenc
     """A skin over superellipses, from the foot outside up over the rim and down inside."""
     out = []
     for y, a, b, z in rings:
-        o = oval(max(a, 1e-6), max(b, 1e-6), sides, power)
+        o = _even(oval(a, b, 16 * sides, power), sides)
         out.append(np.stack([o[:, 0], np.full(sides, y), o[:, 1] + z], 1))
     return loft(np.array(out), m, sharp, 0.2)
+
+
+def _even(outline: npt.NDArray[np.float64], count: int) -> npt.NDArray[np.float64]:
+    """``count`` points (count, 2) at equal distances along a closed outline (N, 2): long sides get their share."""
+    closed = np.concatenate([outline, outline[:1]])
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(closed, axis=0), axis=1))])
+    at = np.arange(count) / count * length[-1]
+    return np.stack([np.interp(at, length, closed[:, k]) for k in range(2)], 1)
 
 
 def toilet(rng: np.random.Generator, limits: Limits) -> Made | None:
@@ -109,7 +118,7 @@ def bidet(rng: np.random.Generator, limits: Limits) -> Made | None:
     size = draw_size(rng, limits, (0.34, 0.40), (0.50, 0.60), (0.50, 0.56))
     if size is None:
         return None
-    w, d, h = size
+    w, d, _ = size
     white, iron = finishes.ceramic(rng), finishes.metal(rng, "chrome", "brass", "black metal")[0]
     a, b, rim, slim = w / 2, d / 2, 0.40, float(rng.uniform(0.6, 0.9))
     rings: list[Ring] = [
@@ -174,7 +183,7 @@ def vanity(rng: np.random.Generator, limits: Limits) -> Made | None:
     size = draw_size(rng, limits, (0.55, 1.4), (0.42, 0.54), (1.05, 1.2))
     if size is None:
         return None
-    w, d, h = size
+    w, d, _ = size
     case, name = finishes.wood(rng)
     if rng.random() < 0.5:
         case, name = finishes.painted(finishes.shade(rng, finishes.PAINTS)), "wood"
@@ -291,16 +300,8 @@ def bathtub(rng: np.random.Generator, limits: Limits) -> Made | None:
     start = (side * (a - 0.035), h + 0.09, 0.0) if style == "panel" else (0.0, h + 0.11, -b + 0.02)
     end = (side * (a - 0.17), h + 0.07, 0.0) if style == "panel" else (0.0, h + 0.08, -b + 0.2)
     parts.append(tube([start, end], 0.014, iron))
-    return (
-        made(
-            parts,
-            (w, d, h + 0.13),
-            {"material": "ceramic", "shape": "oval" if style != "panel" else "rectangular"},
-            surface=False,
-        )
-        if h + 0.13 <= limits.height
-        else made(parts, size, {"material": "ceramic"}, surface=False)
-    )
+    words = {"material": "ceramic", "shape": "oval" if style != "panel" else "rectangular"}
+    return made(parts, (w, d, min(limits.height, h + 0.13)), words, surface=False)
 
 
 def _tiles(rng: np.random.Generator) -> Material:

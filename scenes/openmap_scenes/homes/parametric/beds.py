@@ -30,7 +30,15 @@ def _wood_or_paint(rng: np.random.Generator) -> tuple[Material, str]:
 
 
 def _bedding(
-    rng: np.random.Generator, x: float, z0: float, z1: float, y: float, thick: float, sleepers: int, drop: float = 0.12
+    rng: np.random.Generator,
+    x: float,
+    z0: float,
+    z1: float,
+    y: float,
+    thick: float,
+    sleepers: int,
+    drop: float = 0.12,
+    fine: float = 0.13,
 ) -> list[Model]:
     """Mattress from the head z0 to the foot z1, |x| <= x, standing at y; duvet, pillows, perhaps a throw at its foot."""
     sheet = finishes.linen(rng, finishes.shade(rng, finishes.LINENS[:2]))
@@ -44,7 +52,7 @@ def _bedding(
         px = 0.0 if sleepers == 1 else (k - 0.5) * min(pillow + 0.08, 2 * x - pillow - 0.04)
         for layer in range(layers):
             shape = cushion(
-                (-pillow / 2, 0, -deep / 2), (pillow / 2, 0.15, deep / 2), slip if layer == 0 else sheet, 0.6, 0.1
+                (-pillow / 2, 0, -deep / 2), (pillow / 2, 0.15, deep / 2), slip if layer == 0 else sheet, 0.6, 0.12
             )
             shape = rumpled(shape, rng, 0.012, 0.2)
             tip = turned(shape, "x", 0.28 + 0.35 * layer, (0, 0, deep / 2))
@@ -53,26 +61,26 @@ def _bedding(
                 moved(
                     tip,
                     px,
-                    top - 0.02 - float(min(0.0, tip.vertices[:, 1].min())) - 0.0,
+                    top - 0.02 - float(min(0.0, tip.vertices[:, 1].min())),
                     z0 + deep / 2 + 0.02 + 0.12 * layer,
                 )
             )
     head = z0 + 0.42 + 0.1 * (layers - 1) if rng.random() < 0.75 else z0 + 0.7
     # The duvet hangs over the sides; folded back at the head it shows its other side.
-    duvet = rounded_box((-x - 0.035, top - drop, head), (x + 0.035, top + 0.07, z1 + 0.03), cover, 0.05, 2, step=0.11)
-    parts.append(rumpled(duvet, rng, 0.045, 0.35))
+    duvet = rounded_box((-x - 0.035, top - drop, head), (x + 0.035, top + 0.07, z1 + 0.03), cover, 0.05, 1, step=fine)
+    parts.append(rumpled(duvet, rng, min(0.045, 0.3 * drop), 0.35))
     if rng.random() < 0.6:
         fold = rounded_box(
-            (-x - 0.04, top - drop * 0.7, head - 0.01), (x + 0.04, top + 0.095, head + 0.26), sheet, 0.04, 2, step=0.12
+            (-x - 0.04, top - drop * 0.7, head - 0.01), (x + 0.04, top + 0.095, head + 0.26), sheet, 0.04, 1, step=fine
         )
-        parts.append(rumpled(fold, rng, 0.025, 0.3))
+        parts.append(rumpled(fold, rng, min(0.025, 0.25 * drop), 0.3))
     if rng.random() < 0.5:
         throw = finishes.cloth(rng, weave=finishes.choose(rng, "coarse", "checks", "stripes"))
         a = z1 - float(rng.uniform(0.45, 0.7))
         spread = rounded_box(
-            (-x - 0.05, top - drop - 0.04, a), (x + 0.05, top + 0.085, a + 0.38), throw, 0.03, 2, step=0.12
+            (-x - 0.05, top - drop - 0.04, a), (x + 0.05, top + 0.085, a + 0.38), throw, 0.03, 1, step=fine
         )
-        parts.append(rumpled(spread, rng, 0.02, 0.3))
+        parts.append(rumpled(spread, rng, min(0.02, 0.25 * drop), 0.3))
     return parts
 
 
@@ -93,7 +101,7 @@ def _headboard(
         w = 2 * x / n
         parts = [rounded_box((-x + 0.01, low, z), (x - 0.01, h - 0.02, z + 0.05), cover, 0.01, 2)]
         pads = [
-            cushion((-x + k * w, 0.32, z + 0.02), (-x + (k + 1) * w, h, z + 0.1), cover, 0.4, 0.2) for k in range(n)
+            cushion((-x + k * w, 0.32, z + 0.02), (-x + (k + 1) * w, h, z + 0.1), cover, 0.4, 0.2, 1) for k in range(n)
         ]
         return parts + pads
     if style == "tufted":
@@ -157,9 +165,7 @@ def bed(rng: np.random.Generator, limits: Limits) -> Made | None:
     boxspring = style in ("channels", "tufted") and rng.random() < 0.6
     if boxspring:
         foot = 0.06
-    parts = _headboard(
-        rng, style, w / 2, -d / 2, 0.0 if style in ("panel", "channels", "tufted") else 0.0, h, frame, cover
-    )
+    parts = _headboard(rng, style, w / 2, -d / 2, 0.0, h, frame, cover)
     legs = [(s * (x - 0.03), e) for s in (-1, 1) for e in (z0 + 0.15, z1 - 0.06)]
     parts += [leg((a, foot, e), (a, 0, e), 0.028, m if style != "metal" else iron, 0.7) for a, e in legs]
     parts += [
@@ -273,7 +279,7 @@ def bunk_bed(rng: np.random.Generator, limits: Limits) -> Made | None:
             for e in (-1, 1)
             for y in rails
         ]
-        parts += _bedding(rng, x - 0.03, -z + 0.03, z - 0.03, deck, 0.13, 1, 0.02)
+        parts += _bedding(rng, x - 0.03, -z + 0.03, z - 0.03, deck, 0.13, 1, 0.04, 0.17)
     for s in (-1, 1):
         end = z - 0.03 if s < 0 else z - 0.55
         parts += [

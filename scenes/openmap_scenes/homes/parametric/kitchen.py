@@ -1,7 +1,8 @@
 """Kitchen units: base, drawer, wall and tall cabinets, sink, island.
 
 Everything of one kitchen matches where each generator gets a random generator of the same seed: the first thing each of
-them draws is the kitchen's style. Base units are ``DEPTH`` deep and ``HEIGHT`` high, worktop included.
+them draws is the kitchen's style. Base units are ``DEPTH`` deep and ``HEIGHT`` high, worktop included;
+handles stand out before that.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from openmap_scenes.homes.solids import bent, box, cylinder, merge, moved, round
 from openmap_scenes.scene import Material
 
 DEPTH, HEIGHT = 0.6, 0.9
+# How far handles stand out before the worktop.
+GRIP = 0.045
 PLINTH, TOP = 0.10, 0.035
 FRONT = DEPTH / 2 - 0.03
 
@@ -81,10 +84,10 @@ def base_size(
     rng: np.random.Generator, limits: Limits, width: tuple[float, float]
 ) -> tuple[float, float, float] | None:
     """A width in steps of 5 cm, and the depth and height of every base unit."""
-    if limits.depth < DEPTH or limits.height < HEIGHT or limits.width < width[0]:
+    if limits.depth < DEPTH + GRIP or limits.height < HEIGHT or limits.width < width[0]:
         return None
     w = width[0] + float(rng.random()) * (min(width[1], limits.width) - width[0])
-    return max(width[0], int(w * 20) / 20), DEPTH, HEIGHT
+    return max(width[0], int(w * 20) / 20), DEPTH + GRIP, HEIGHT
 
 
 def span(w: float) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -125,7 +128,7 @@ def kitchen_sink(rng: np.random.Generator, limits: Limits) -> Made | None:
     """A base unit with one or two basins let into its worktop, and a tap."""
     s = kitchen_style(rng)
     size = base_size(rng, limits, (0.6, 1.0))
-    if size is None:
+    if size is None or limits.height < HEIGHT + 0.42:
         return None
     w = size[0]
     low, high = span(w)
@@ -177,8 +180,9 @@ def tap(rng: np.random.Generator, m: Material, tall: float = 0.3, reach: float =
     tall *= float(rng.uniform(0.85, 1.15))
     foot = [cylinder(0.024, 0.0, 0.03, m, 0.004, 14)]
     if rng.random() < 0.5:
-        way = [(0, 0.02, 0), (0, tall, 0), (0, tall + 0.02, reach / 2), (0, tall, reach), (0, tall - 0.08, reach)]
-        foot.append(tube(bent(way, 0.07, 4), 0.011, m))
+        r, phi = min(reach, tall) / 2, np.linspace(0.0, np.pi, 10)
+        neck = np.stack([0 * phi, tall - r + r * np.sin(phi), r - r * np.cos(phi)], 1)
+        foot.append(tube(np.concatenate([[[0, 0.02, 0]], neck, [[0, tall - 1.4 * r, 2 * r]]]), 0.011, m))
     else:
         foot.append(
             tube(
@@ -209,7 +213,7 @@ def wall_cabinet(rng: np.random.Generator, limits: Limits) -> Made | None:
 def tall_cabinet(rng: np.random.Generator, limits: Limits) -> Made | None:
     """A kitchen's high unit: two doors over each other."""
     s = kitchen_style(rng)
-    size = draw_size(rng, limits, (0.45, 0.65), (DEPTH, DEPTH + 0.001), (1.95, 2.15))
+    size = draw_size(rng, limits, (0.45, 0.65), (DEPTH + GRIP, DEPTH + GRIP), (1.95, 2.15))
     if size is None:
         return None
     w, _, h = size

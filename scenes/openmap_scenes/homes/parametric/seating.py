@@ -193,14 +193,14 @@ def _shell(rng: np.random.Generator, size: Size, m: Material, thick: float, low:
     way = [
         (0, low - 0.01, d / 2),
         (0, low, d / 2 - 0.06),
-        (0, low - 0.015, -d * 0.22),
-        (0, low + 0.14, -d / 2 + 0.09),
+        (0, low - 0.015, -d * 0.16),
+        (0, low + 0.17, -d / 2 + 0.075),
         (0, h, -d / 2),
     ]
-    path = bent(way, 0.16, 5)
+    path = bent(way, 0.2, 6)
     t = np.linspace(0, 1, len(path))
     half = (w / 2) * np.interp(t, [0, 0.12, 0.5, 0.75, 1], [0.82, 1.0, 0.95, 0.92, 0.66 + 0.2 * rng.random()])
-    curl = np.interp(t, [0, 0.3, 0.6, 1], [0.01, 0.035, 0.07, 0.025])
+    curl = np.interp(t, [0, 0.3, 0.6, 1], [0.01, 0.03, 0.045, 0.02])
     s = np.linspace(-1, 1, 9)
     upper = np.stack([s, np.abs(s) ** 2.4], 1)
     section = np.stack(

@@ -60,7 +60,11 @@ def _couch(rng: np.random.Generator, size: Size, seats: int, cover: Material, op
     for k in range(n):
         parts.append(
             cushion(
-                (x0 + k * step, deck - 0.005, z0 + back - 0.02), (x0 + (k + 1) * step, seat + 0.02, front), cover, 0.22
+                (x0 + k * step, deck - 0.005, z0 + back - 0.02),
+                (x0 + (k + 1) * step, seat + 0.02, front),
+                cover,
+                0.22,
+                0.2,
             )
         )
         lean = cushion(
@@ -174,7 +178,7 @@ def _framed(rng: np.random.Generator, size: Size, seats: int) -> tuple[list[Mode
     step = 2 * (x - 0.03) / seats
     for k in range(seats):
         a = -x + 0.03 + k * step
-        parts.append(cushion((a, 0.275, back), (a + step, seat + 0.01, z + 0.03), cover, 0.22))
+        parts.append(cushion((a, 0.275, back), (a + step, seat + 0.01, z + 0.03), cover, 0.22, 0.2))
         pad = cushion((a, seat - 0.01, -0.06), (a + step, h, 0.07), cover, 0.35)
         parts.append(turned(moved(pad, z=back + 0.05), "x", -0.18, (0, seat, back + 0.05)))
     return parts, {"wood": name, "metal": word, "rattan": "rattan"}[kind]
@@ -196,7 +200,18 @@ def _tufted(rng: np.random.Generator, size: Size, cover: Material) -> list[Model
         cut.append(p + (np.arange(1, n + 1) / n)[:, None] * (q - p))
     path = np.concatenate(cut)
     wall = np.array(
-        [(-0.4, 0.1), (0.4, 0.1), (0.5, 0.75), (0.55, 0.9), (0.35, 1.0), (-0.35, 1.0), (-0.55, 0.9), (-0.5, 0.75)]
+        [
+            (-0.4, 0.1),
+            (0.4, 0.1),
+            (0.45, 0.42),
+            (0.5, 0.75),
+            (0.55, 0.9),
+            (0.35, 1.0),
+            (-0.35, 1.0),
+            (-0.55, 0.9),
+            (-0.5, 0.75),
+            (-0.45, 0.42),
+        ]
     )
     parts.append(sweep(path, wall * [t, rise], cover))
     if rng.random() < 0.6:
@@ -213,7 +228,7 @@ def _tufted(rng: np.random.Generator, size: Size, cover: Material) -> list[Model
     step = (w - 2 * t) / seats
     for k in range(seats):
         a = -w / 2 + t + k * step
-        parts.append(cushion((a, 0.28, -z + t * 0.8), (a + step, 0.45, z), cover, 0.22))
+        parts.append(cushion((a, 0.28, -z + t * 0.8), (a + step, 0.45, z), cover, 0.22, 0.2))
     return parts
 
 
@@ -285,8 +300,8 @@ def corner_sofa(rng: np.random.Generator, limits: Limits) -> Made | None:
     )
     z0 = -d / 2 + 0.17
     side = 0.0 if chaise else 0.17
-    parts.append(cushion((x, deck - 0.005, z0 - 0.02), (w / 2 - side, seat, d / 2), cover, 0.12))
-    lean = cushion((x + 0.005, seat - 0.02, -0.075), (w / 2 - 0.005, h, 0.075), cover, 0.45)
+    parts.append(cushion((x, deck - 0.005, z0 - 0.02), (w / 2 - side, seat, d / 2), cover, 0.12, 0.22))
+    lean = cushion((x + 0.005, seat - 0.02, -0.075), (w / 2 - 0.005, h, 0.075), cover, 0.45, 0.2)
     parts.append(turned(moved(lean, z=z0 + 0.075), "x", -0.16, (0, seat, z0 + 0.05)))
     if not chaise:
         parts.append(
