@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from dataclasses import dataclass
 
 import cv2
@@ -16,8 +17,7 @@ from openmap_eval.pictures import Picture, draw_names
 from openmap_scenes import PinholeCamera, Scene
 
 VIEWS, COLUMNS = 6, 3
-TRIED = 160
-HALF_UP = np.array([0.0, 0.5, 0.0])
+TRIED = 300
 VIEW = (480, 360)
 CUT = 1.9
 """The plan shows what lies below this height above the lowest point, m."""
@@ -34,10 +34,10 @@ def contact_sheet(scene: Scene, seed: int = 0) -> Picture:
         views = []
         for position, heading in poses:
             simulator.reset(position, heading, math.radians(-8.0))
-            view = simulator.observe().rgb.copy()
-            room = scene.room_of(position + HALF_UP)
-            if room is not None:
-                draw_names(view, [(8 + 4 * len(room.name), VIEW[1] - 12, room.name)])
+            frame = simulator.observe()
+            view, name = frame.rgb.copy(), _room_in_view(scene, frame.instance)
+            if name:
+                draw_names(view, [(8 + 4 * len(name), VIEW[1] - 12, name)])
             views.append(view)
     finally:
         simulator.close()
@@ -45,18 +45,29 @@ def contact_sheet(scene: Scene, seed: int = 0) -> Picture:
     return np.vstack([*rows, plan_picture(scene, COLUMNS * VIEW[0])])
 
 
+def _room_in_view(scene: Scene, instance: npt.NDArray[np.int32]) -> str:
+    """The name of the room whose things fill most of a picture of instance ids (H, W), or ""."""
+    room_of = {i.id: i.room for i in scene.instances if i.room is not None}
+    pixels: Counter[int] = Counter()
+    for i, n in zip(*np.unique(instance, return_counts=True), strict=True):
+        if int(i) in room_of:
+            pixels[room_of[int(i)]] += int(n)
+    names = {room.id: room.name for room in scene.rooms}
+    return names.get(pixels.most_common(1)[0][0], "") if pixels else ""
+
+
 @dataclass(frozen=True)
 class _Candidate:
-    """A pose, its room (-1: none), what each thing in its view is worth (0..1), and how open the view is (0..1)."""
+    """A pose, the room that it shows ("": none), what each thing in its view is worth (0..1), and how open the view is (0..1)."""
 
     position: npt.NDArray[np.float64]
     heading: float
-    room: int
+    room: str
     worth: dict[int, float]
     openness: float
 
 
-def _gain(candidate: _Candidate, known: dict[int, float], rooms: dict[int, int]) -> float:
+def _gain(candidate: _Candidate, known: dict[int, float], rooms: dict[str, int]) -> float:
     """What a view adds to those chosen already."""
     new = sum(max(0.0, w - known.get(i, 0.0)) for i, w in candidate.worth.items() if i)
     return float(candidate.openness * (0.5 + new) * 0.4 ** rooms.get(candidate.room, 0))
@@ -84,13 +95,12 @@ def telling_poses(
             }
             depth = frame.depth[frame.depth > 0]
             open_view = min(1.0, float(np.median(depth)) / 2.0) if len(depth) else 0.0
-            room = scene.room_of(position + HALF_UP)
-            seen.append(_Candidate(position, heading, room.id if room else -1, worth, open_view))
+            seen.append(_Candidate(position, heading, _room_in_view(scene, frame.instance), worth, open_view))
     finally:
         look.close()
     chosen: list[tuple[npt.NDArray[np.float64], float]] = []
     known: dict[int, float] = {}
-    rooms: dict[int, int] = {}
+    rooms: dict[str, int] = {}
     for _ in range(count):
         gains = [_gain(candidate, known, rooms) for candidate in seen]
         best = seen[int(np.argmax(gains))]
