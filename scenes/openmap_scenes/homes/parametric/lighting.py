@@ -202,8 +202,10 @@ def wall_lamp(rng: np.random.Generator, limits: Limits) -> Made | None:
     if style == "box":
         w, h = between(rng, 0.05, 0.07), between(rng, 0.1, 0.2)
         parts = [
-            soft_box((-w, 0, 0.02), (w, h, 0.02 + 2 * w), {k: (glow if k > 3 else metal) for k in range(6)}, 0.004),
-            soft_box((-w, h * 0.2, 0), (w, h * 0.8, 0.025), metal, 0.003),
+            soft_box(
+                (-w, 0, 0.02), (w, h, 0.02 + 2 * w), {k: (metal if k in (1, 2, 3) else glow) for k in range(6)}, 0.004
+            ),
+            soft_box((-w - 0.006, h * 0.4, 0), (w + 0.006, h * 0.6, 0.026 + 2 * w), metal, 0.003),
         ]
         return finish(parts, limits, {"shape": style}, elevation=1.6)
     parts = [

@@ -302,11 +302,11 @@ def candle(rng: np.random.Generator, limits: Limits) -> Made | None:
         r, h = 0.038, between(rng, 0.07, 0.1)
         parts = [
             lathe(
-                [(0, 0), (r, 0), (r, h), (r - 0.003, h), (r - 0.003, h * 0.7), (0, h * 0.7)],
+                [(0, 0), (r, 0), (r, h), (r - 0.003, h), (r - 0.003, h * 0.88), (0, h * 0.88)],
                 paint(rng, GLASSES + CERAMIC, "jar"),
                 20,
             ),
-            *one(r * 0.9, 0.012, 0, h * 0.7 - 0.006, 0),
+            *one(r * 0.9, 0.012, 0, h * 0.88 - 0.006, 0),
         ]
     return finish(parts, limits, {"material": "wax"})
 
