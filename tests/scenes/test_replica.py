@@ -124,8 +124,8 @@ def test_missing_files_are_named(small: Path, name: str):
 @pytest.mark.parametrize(
     ("info", "says"),
     [
-        ("{", "unreadable JSON"),
-        ("[" * 200_000, "unreadable JSON"),
+        ("{", "broken JSON"),
+        ("[" * 200_000, "broken JSON"),
         ("[]", "a JSON list"),
         ("{}", "no list 'objects'"),
         ('{"objects": [{"id": 1.5}]}', r"objects\[0\]: found no id"),

@@ -177,7 +177,7 @@ def test_broken_objects_are_refused(small: Path, groups: object, says: str):
         ("_vh_clean_2.0.010000.segs.json", '{"segIndices": [1, 2]}', "found 2 entries of segIndices, expected 9"),
         ("_vh_clean_2.0.010000.segs.json", '{"segIndices": [1, [2]]}', "not a list of whole numbers"),
         ("_vh_clean_2.0.010000.segs.json", '{"segIndices": [1, 2.5]}', "not a list of whole numbers"),
-        ("_vh_clean_2.0.010000.segs.json", "", "unreadable JSON"),
+        ("_vh_clean_2.0.010000.segs.json", "", "broken JSON"),
         (".txt", "axisAlignment = 1 2 3", "line 1: found axisAlignment of 3 words"),
         (".txt", "\naxisAlignment = " + "nan " * 16, "line 2: found an axisAlignment that is not finite"),
         (".txt", "axisAlignment = " + "1 " * 16, "axisAlignment with a last row"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeGuard
 
 from openmap_scenes.errors import DataError
 
@@ -113,3 +113,21 @@ def read_json(path: Path, what: str) -> Value:
     if size > LARGEST_TEXT:
         raise DataError(path, f"{size} bytes of JSON", f"at most {LARGEST_TEXT}")
     return parse_json(path.read_bytes(), path)
+
+
+def read_json_object(path: Path, what: str) -> dict[str, Any]:
+    """The object (``{...}``) that a JSON file holds, not checked any further; DataError where it holds something else."""
+    value = read_json(path, what).raw
+    if not isinstance(value, dict):
+        raise DataError(path, f"a JSON {type(value).__name__}", what)
+    return value
+
+
+def is_id(value: object) -> bool:
+    """Whether a JSON value can be an instance id: whole, and small enough for arrays by id and for the 24 bits of a picture."""
+    return is_whole(value) and 0 <= value < 2**24 - 1
+
+
+def is_whole(value: object) -> TypeGuard[int]:
+    """Whether a JSON value is a whole number of at most 63 bits."""
+    return isinstance(value, int) and not isinstance(value, bool) and abs(value) < 2**63

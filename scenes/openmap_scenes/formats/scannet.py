@@ -18,9 +18,9 @@ import numpy as np
 import numpy.typing as npt
 
 from openmap_scenes.errors import DataError
+from openmap_scenes.formats.checked_json import is_id, is_whole, read_json_object
 from openmap_scenes.formats.glb import T_WORLD_ZUP
 from openmap_scenes.formats.instances import make_instance
-from openmap_scenes.formats.json_file import is_id, is_whole, read_json_object
 from openmap_scenes.formats.ply import read_ply
 from openmap_scenes.formats.rigid import check_rigid
 from openmap_scenes.scene import Instance, Material, Scene
