@@ -14,9 +14,10 @@ from PIL import Image
 
 from openmap_scenes import DataError
 from openmap_scenes.homes.colour import WORDS, colour_words
+from openmap_scenes.homes.items import Thing
 from openmap_scenes.homes.library import parse_properties, read_library
 from openmap_scenes.homes.obj import Surface, read_obj
-from openmap_scenes.homes.placement import RoomSpace, Thing
+from openmap_scenes.homes.placement import RoomSpace
 from openmap_scenes.homes.plan import make_plan
 from openmap_scenes.homes.primitives import box, material
 from openmap_scenes.homes.surface import split, thin

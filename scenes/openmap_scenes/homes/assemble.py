@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from openmap_scenes.homes.items import Item
 from openmap_scenes.homes.kinds import mpcat40
 from openmap_scenes.homes.lamps import LAMPS, home_lights
 from openmap_scenes.homes.light import bake
 from openmap_scenes.homes.models import Model
-from openmap_scenes.homes.placement import Item
 from openmap_scenes.homes.plan import Plan
 from openmap_scenes.homes.shell import Piece
 from openmap_scenes.scene import Instance, Material, Room, Scene, instance_boxes

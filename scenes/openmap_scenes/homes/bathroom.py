@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from openmap_scenes.homes import primitives
-from openmap_scenes.homes.furnisher import Furnisher
-from openmap_scenes.homes.placement import Item
+from openmap_scenes.homes.furnisher import Furnisher, mounting
+from openmap_scenes.homes.items import Item
 from openmap_scenes.homes.stock import own
 
 BASIN = ("soap dispenser", "bottle", "cup", "towel", "toothbrush holder", "candle", "succulent", "glass", "brush")
@@ -35,7 +35,7 @@ def furnish_bathroom(f: Furnisher) -> None:
         side, along = f.along(toilet)
         paper = f.stock.get("toilet paper")
         if paper is not None:
-            space.hang(paper, 0.65, side, [along + 0.42, along - 0.42])
+            space.hang(paper, mounting(paper, 0.65), side, [along + 0.42, along - 0.42])
         for brush in ("toilet brush",):
             thing = f.stock.get(brush)
             if thing is not None:
@@ -45,7 +45,7 @@ def furnish_bathroom(f: Furnisher) -> None:
     if space.area > 6:
         f.wall("bidet")
     if "laundry room" not in space.plan.kinds:
-        f.tops(f.wall("washing machine", corner=True), LINEN, 2)
+        f.tops(f.wall("washing machine", corner=True, height=1.1), LINEN, 2)
     shelf = f.wall("shelves", "bathroom cabinet", "cabinet", width=0.8, depth=0.45)
     f.shelved(shelf, LINEN, 4)
     if shelf is not None and shelf.high[1] < 1.5:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,11 @@ import numpy as np
 from openmap_scenes.errors import DataError
 from openmap_scenes.homes.assemble import assemble
 from openmap_scenes.homes.furnish import furnish_room, missing
+from openmap_scenes.homes.items import Item
 from openmap_scenes.homes.kinds import SPLITS
-from openmap_scenes.homes.placement import Item, turn_of
+from openmap_scenes.homes.placement import turn_of
 from openmap_scenes.homes.plan import Plan, make_plan
-from openmap_scenes.homes.shell import build_shell
+from openmap_scenes.homes.shell import Piece, build_shell
 from openmap_scenes.homes.sight import drop_unseen
 from openmap_scenes.homes.stock import Stock
 from openmap_scenes.homes.walk import standing_places
@@ -54,6 +56,22 @@ def build_home_from_seed(split: str, seed: int, folder: Path | None = None) -> S
     folder : Path or None
         Of the furniture catalogues; None = ``OPENMAP_FURNITURE`` or where the Debian package puts them.
     """
+    drawn = draw_home(split, seed, folder)
+    return assemble(f"{split}-{seed:03d}", f"homes:{split}/{seed}", drawn.plan, drawn.shell, drawn.items, drawn.rng)
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A furnished plan before it becomes a scene, and the generator for what is still to be drawn: the light."""
+
+    plan: Plan
+    shell: list[Piece]
+    items: list[Item]
+    rng: np.random.Generator
+
+
+def draw_home(split: str, seed: int, folder: Path | None = None) -> Drawn:
+    """Plan, shell and furniture of the home of a split and a seed; parameters as for ``build_home_from_seed``."""
     if split not in SPLITS or seed < 0:
         raise ValueError(f"split {split!r} and seed {seed}; expected one of {SPLITS} and a seed of 0 or more")
     key = int.from_bytes(hashlib.sha256(f"{split}/{seed}".encode()).digest()[:8], "big")
@@ -73,8 +91,7 @@ def build_home_from_seed(split: str, seed: int, folder: Path | None = None) -> S
         if places is None:
             continue
         shell = build_shell(plan, rng, _counters(plan, items))
-        items = drop_unseen(items, shell, places)
-        return assemble(f"{split}-{seed:03d}", f"homes:{split}/{seed}", plan, shell, items, rng)
+        return Drawn(plan, shell, drop_unseen(items, shell, places), rng)
     raise RuntimeError(f"no home for {split}/{seed} in 20 attempts: the furniture library may be incomplete")
 
 

@@ -22,8 +22,9 @@ from openmap_scenes.homes.groups import (
     near_middle,
     sofa_group,
 )
+from openmap_scenes.homes.items import Item
 from openmap_scenes.homes.kitchen import HOT, furnish_kitchen
-from openmap_scenes.homes.placement import Item, RoomSpace
+from openmap_scenes.homes.placement import RoomSpace
 from openmap_scenes.homes.plan import Plan
 from openmap_scenes.homes.stock import Stock, own
 
@@ -274,7 +275,7 @@ def _hall(f: Furnisher) -> None:
     if table is not None and table.high[1] < 1.2:
         side, at = f.along(table)
         f.mirror(0.8, max(1.1, float(table.high[1]) + 0.25), side, [at, at + 0.2, at - 0.2])
-    f.hung(stock.get("coat hooks", "coat rack", height=0.6, depth=0.4), 1.55)
+    f.hung(stock.get("coat hooks", height=1.2, depth=0.4), 1.55)
     f.wall("coat rack", "coat stand", "clothes rack", corner=True, width=0.7, depth=max(deep, 0.45))
     if deep > 0.42:
         f.wall("wardrobe", "cupboard", depth=0.65, width=1.4)
@@ -321,8 +322,8 @@ def _kitchen(f: Furnisher) -> None:
                 f.tops(table, ("bowl of fruit", "cutting board", "vase", "bread", "mug", "wine bottle", "bowl"), 3)
                 break
     f.wall("trash can", "recycling bin", "wastebasket", corner=True, width=0.6)
-    if not {"laundry room"} & set(f.space.plan.kinds):
-        f.wall("washing machine", "chest freezer", width=0.9)
+    if "laundry room" not in f.space.plan.kinds and f.chance(0.4):
+        f.wall("washing machine", "chest freezer", width=0.9, corner=True)
     shelf = f.wall("shelves", "cupboard", "glass cabinet", "sideboard", width=1.2, depth=0.55)
     f.shelved(shelf, ("jar", "bowl", "pot", "plate", "basket", "teapot", "bottle", "box", "mug", "wine bottle"), 5)
     if shelf is not None and shelf.high[1] < 1.5:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from openmap_scenes.homes import primitives
-from openmap_scenes.homes.placement import Item, RoomSpace, Thing, turn_of
+from openmap_scenes.homes.items import Item, Thing
+from openmap_scenes.homes.placement import RoomSpace, turn_of
 from openmap_scenes.homes.plan import Opening, Side
 from openmap_scenes.homes.stock import Stock, own, scaled
 
@@ -105,6 +106,7 @@ class Furnisher:
         """A thing on some wall, its base ``base`` m above the floor, where there is air around it."""
         if thing is None:
             return None
+        base = mounting(thing, base)
         half = float(thing.model.size[0]) / 2
         for side in self.sides() if sides is None else sides:
             a, b = side.start + half + 0.1, side.end - half - 0.1
@@ -202,7 +204,8 @@ class Furnisher:
     def _at_window(self, thing: Thing, side: Side, o: Opening, top: float) -> bool:
         middle, half = (o.start + o.end) / 2, float(thing.model.size[0]) / 2
         at = float(np.clip(middle, side.start + half + 0.02, side.end - half - 0.02))
-        x, z = side.point(at, float(thing.model.size[2]) / 2 + CURTAIN_OFF)
+        thing = _bracketed(thing)
+        x, z = side.point(at, float(thing.model.size[2]) / 2 + 0.002)
         place = np.array([x, top - float(thing.model.size[1]), z])
         return self.space.put(Item(thing, place, turn_of(side), self.space.room), drape=True) is not None
 
@@ -234,6 +237,26 @@ class Furnisher:
         if support is not None:
             thing = self.stock.get("books", "pile of books", height=0.3) or own("books", primitives.books(self.rng))
             self.space.on_top(thing, support)
+
+
+def mounting(thing: Thing, base: float) -> float:
+    """At which height a thing is put on a wall, m: what is made by rule knows it by itself (a towel ladder stands)."""
+    return thing.elevation if thing.made else base
+
+
+def _bracketed(thing: Thing) -> Thing:
+    """A curtain whose rod is held ``CURTAIN_OFF`` m off the wall by two brackets."""
+    low, high = thing.model.vertices.min(0), thing.model.vertices.max(0)
+    iron, y, back = primitives.material("bracket", (0.35, 0.34, 0.33)), float(high[1]) - 0.03, float(low[2])
+    arms = [
+        primitives.box(
+            (x - 0.008, y - 0.008, back - CURTAIN_OFF), (x + 0.008, y + 0.008, (back + float(high[2])) / 2), iron
+        )
+        for x in (float(low[0]) + 0.07, float(high[0]) - 0.07)
+    ]
+    model = primitives.merge([thing.model, *arms])
+    middle = np.array([0.0, 0.0, (model.vertices[:, 2].max() + model.vertices[:, 2].min()) / 2], np.float32)
+    return replace(thing, model=replace(model, vertices=model.vertices - middle))
 
 
 def large_enough(thing: Thing) -> bool:

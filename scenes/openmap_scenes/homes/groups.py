@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from openmap_scenes.homes.furnisher import Furnisher, large_enough, wall_behind
-from openmap_scenes.homes.placement import Item, Thing
+from openmap_scenes.homes.items import Item, Thing
 from openmap_scenes.homes.plan import Side
 
 COFFEE_TABLE = (

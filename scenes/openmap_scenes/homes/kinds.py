@@ -14,6 +14,7 @@ from functools import cache
 from pathlib import Path
 
 from openmap_scenes.errors import DataError
+from openmap_scenes.taxonomy import labels_of
 
 SPLITS = ("train", "val", "test")
 
@@ -29,45 +30,6 @@ VAL_ONLY = (
 )  # fmt: skip
 KEPT_FOR = dict.fromkeys(TEST_ONLY, "test") | dict.fromkeys(VAL_ONLY, "val")
 _TABLE = Path(__file__).with_name("kinds.tsv")
-
-_MPCAT40 = {
-    "chair": "chair|armchair|office chair|child chair|folding chair|high chair|floor chair|recliner|wheelchair",
-    "table": "dining table|round table|coffee table|desk|nightstand|folding table|bar table|dressing table|child table"
-    "|changing table",
-    "picture": "picture|photo frame",
-    "cabinet": "kitchen cabinet|wall cabinet|glass cabinet|tall cabinet|cabinet|cupboard|wardrobe|sideboard|tv stand"
-    "|tv cabinet|kitchen drawers|kitchen island|filing cabinet|vanity|double vanity|entertainment center",
-    "sofa": "sofa|corner sofa|loveseat|sofa bed|futon",
-    "bed": "bed|child bed|bunk bed|captain's bed|day bed|crib|cradle",
-    "curtain": "curtain",
-    "chest_of_drawers": "dresser|chest of drawers",
-    "plant": "potted plant|bonsai|cactus|ficus|yucca|orchid|lilies|tulips|flowers|peace lily|spider plant|succulent"
-    "|bamboo plant|planter|christmas tree",
-    "sink": "washbasin|kitchen sink",
-    "toilet": "toilet",
-    "stool": "stool|bar stool|piano bench",
-    "towel": "towel|hanging towel",
-    "mirror": "mirror",
-    "tv_monitor": "television|wall television|computer",
-    "shower": "shower stall",
-    "bathtub": "bathtub|corner bathtub",
-    "fireplace": "fireplace",
-    "lighting": "table lamp|desk lamp|floor lamp|ceiling lamp|pendant lamp|candle",
-    "shelving": "bookcase|shelves|wall shelf",
-    "gym_equipment": "exercise bike|treadmill|punching bag",
-    "seating": "bench|bean bag",
-    "board_panel": "whiteboard",
-    "appliances": "refrigerator|stove|oven|double oven|microwave|washing machine|dryer|range hood|chest freezer"
-    "|toaster oven",
-    "clothes": "folded clothes|slippers|sneakers|shoes|hat|cap",
-    "furniture": "piano|grand piano|room divider|clothes rack|trunk",
-    "wall": "wall",
-    "floor": "floor",
-    "ceiling": "ceiling",
-    "window": "window",
-    "door": "door|door frame|front door|balcony door",
-    "misc": "rug|round rug|bath mat|doormat",
-}
 
 
 @dataclass(frozen=True)
@@ -156,13 +118,8 @@ def read_splits() -> dict[str, str]:
 
 
 def mpcat40(kind: str) -> str:
-    """The Matterport category of a kind; "objects" for all small things."""
-    return _mpcat40_by_kind().get(kind, "objects")
-
-
-@cache
-def _mpcat40_by_kind() -> dict[str, str]:
-    return {kind: category for category, kinds in _MPCAT40.items() for kind in kinds.split("|")}
+    """The Matterport category of a kind; "objects" for what has no other."""
+    return labels_of(kind).mpcat40 or "objects"
 
 
 def _digest(piece: str) -> str:

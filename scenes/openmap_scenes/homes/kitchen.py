@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from openmap_scenes.homes.furnisher import Furnisher, large_enough, stretched
-from openmap_scenes.homes.placement import GAP, Item, RoomSpace, Thing, turn_of
+from openmap_scenes.homes.items import Item, Thing
+from openmap_scenes.homes.placement import GAP, RoomSpace, turn_of
 from openmap_scenes.homes.plan import Side
 
 # A counter's height and depth, m; units of different makers are brought to them so that the worktop runs on.

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from openmap_scenes.homes.items import Item
 from openmap_scenes.homes.light import DAY, GLOW, LAMP, SKY, WARM, Light, Sun
-from openmap_scenes.homes.placement import Item
 from openmap_scenes.homes.plan import WALL, Plan
 
 SMALL_LAMPS = ("table lamp", "desk lamp", "floor lamp", "wall lamp")

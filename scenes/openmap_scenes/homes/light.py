@@ -86,7 +86,7 @@ def bake(
     if sun is not None:
         total += _sunlight(origin, normal, sun, caster)[:, None] * sun.tint
     total[(openness == 0.0) & may_hide[first]] = 0.4
-    shade = np.clip(1.0 - np.exp(-2.1 * total), 0.0, 1.0) ** 0.8
+    shade = np.clip(1.0 - np.exp(-1.8 * total), 0.0, 1.0) ** 0.8
     return np.asarray(np.round(255.0 * np.clip(shade * 1.06, 0.22, 1.0)), np.uint8)[inverse]
 
 

@@ -6,15 +6,12 @@ None then, and the furnishing rules go on without it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import label
 
-from openmap_scenes.homes.models import Model
+from openmap_scenes.homes.items import Item, Thing, open_to_front, run_together, shelf_boards
 from openmap_scenes.homes.plan import CLEARANCE, DOOR_HEIGHT, Opening, Plan, Rect, Side
-from openmap_scenes.homes.rays import RayCaster
 
 CELL = 0.05
 BODY_RADIUS = 0.2
@@ -22,151 +19,6 @@ BODY_HEIGHT = 1.5
 # A body of 0.2 m with some air, so that a mesh's own navigable surface agrees.
 KEEP_FREE = 0.26
 GAP = 0.01
-
-
-@dataclass(frozen=True)
-class Thing:
-    """What can be put down: its kind, its model, the words for it, and the library piece it comes from (or "")."""
-
-    kind: str
-    model: Model
-    attributes: dict[str, str]
-    piece: str = ""
-    elevation: float = 0.0
-    surface: bool = True
-    credit: str = ""
-
-
-@dataclass(eq=False)
-class Item:
-    """A thing in its place: ``position`` (3,) m of the middle of its base, turned ``angle`` rad about +y (0: front to +z)."""
-
-    thing: Thing
-    position: npt.NDArray[np.float64]
-    angle: float
-    room: int
-    low: npt.NDArray[np.float64] = field(init=False)
-    high: npt.NDArray[np.float64] = field(init=False)
-    support: Item | None = field(init=False, default=None, repr=False)
-    _caster: RayCaster | None = field(init=False, default=None, repr=False)
-
-    def __post_init__(self) -> None:
-        world = self.world(self.thing.model.vertices)
-        self.low, self.high = world.min(0), world.max(0)
-
-    @property
-    def middle(self) -> npt.NDArray[np.float64]:
-        """The middle of its box on the floor, (x, z) m."""
-        return np.asarray((self.low + self.high)[[0, 2]] / 2)
-
-    @property
-    def half_depth(self) -> float:
-        """Half of its extent along its front, m."""
-        return float(np.abs(self.front) @ (self.high - self.low)[[0, 2]]) / 2
-
-    @property
-    def half_width(self) -> float:
-        """Half of its extent across its front, m."""
-        return float(np.abs(self.front[::-1]) @ (self.high - self.low)[[0, 2]]) / 2
-
-    @property
-    def right(self) -> npt.NDArray[np.float64]:
-        """What lies to its right for someone who looks at its front, (x, z)."""
-        return np.array([self.front[1], -self.front[0]])
-
-    @property
-    def caster(self) -> RayCaster:
-        """Casts rays against it where it stands."""
-        if self._caster is None:
-            self._caster = RayCaster(self.world(self.thing.model.vertices), self.thing.model.faces)
-        return self._caster
-
-    @property
-    def rotation(self) -> npt.NDArray[np.float64]:
-        """R_world_model (3, 3)."""
-        c, s = np.cos(self.angle), np.sin(self.angle)
-        return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-
-    @property
-    def front(self) -> npt.NDArray[np.float64]:
-        """Where its front looks, (x, z)."""
-        return np.array([np.sin(self.angle), np.cos(self.angle)])
-
-    @property
-    def footprint(self) -> Rect:
-        """Its box on the floor."""
-        return Rect(float(self.low[0]), float(self.low[2]), float(self.high[0]), float(self.high[2]))
-
-    def world(self, points: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
-        """Model points (N, 3) in the world frame."""
-        return np.asarray(points.astype(np.float64) @ self.rotation.T + self.position)
-
-    def height_under(self, rect: Rect, level: float) -> float | None:
-        """Height, m, on which something with that footprint stands on this item, or None where it is not flat to ``level`` m."""
-        return self.height_below(rect, float(self.high[1]) + 0.5, level)
-
-    def height_below(self, rect: Rect, y: float, level: float) -> float | None:
-        """The same for what lies below a height ``y`` m: a board of a shelf."""
-        x = np.linspace(rect.x0, rect.x1, max(3, int(rect.width / 0.02) + 2))
-        z = np.linspace(rect.z0, rect.z1, max(3, int(rect.depth / 0.02) + 2))
-        start = np.stack(np.meshgrid(x, z), -1).reshape(-1, 2)
-        origin = np.insert(start, 1, y, axis=1)
-        hit = self.caster.distance(origin, np.broadcast_to([0.0, -1.0, 0.0], origin.shape))
-        if not np.isfinite(hit).all() or np.ptp(hit) > level:
-            return None
-        return float(y - hit.min())
-
-
-def run_together(a: Item, b: Item, tolerance: float = 0.008) -> bool:
-    """Whether an edge of one goes through a face of the other and sticks out by more than ``tolerance`` m at both ends."""
-    low, high = np.maximum(a.low, b.low) - 1e-3, np.minimum(a.high, b.high) + 1e-3
-    if np.any(high < low):
-        return False
-    for edges_of, faces_of in ((a, b), (b, a)):
-        world = edges_of.world(edges_of.thing.model.vertices)
-        pairs = np.unique(np.sort(edges_of.thing.model.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
-        start, end = world[pairs[:, 0]], world[pairs[:, 1]]
-        near = np.all((np.minimum(start, end) <= high) & (np.maximum(start, end) >= low), axis=1)
-        start, way = start[near], (end - start)[near]
-        if len(start) == 0:
-            continue
-        for origin, ray in ((start, way), (start + way, -way)):
-            t, length = faces_of.caster.distance(origin, ray), np.linalg.norm(way, axis=1)
-            crosses = np.isfinite(t) & (t * length > tolerance) & ((1.0 - t) * length > tolerance)
-            if crosses.any():
-                return True
-    return False
-
-
-def shelf_boards(shelf: Item) -> list[tuple[float, float, float, float]]:
-    """Places inside a piece of furniture: (height of the board, free height above it, m along its right, m along its front)."""
-    found = []
-    half = shelf.half_width
-    for along in np.linspace(-0.8, 0.8, max(3, int(half / 0.12))) * half:
-        off = 0.15 * shelf.half_depth
-        x, z = shelf.middle + shelf.right * along + shelf.front * off
-        top, y = None, float(shelf.high[1]) + 0.1
-        for _ in range(40):
-            hit = float(shelf.caster.distance(np.array([[x, y, z]]), np.array([[0.0, -1.0, 0.0]]))[0])
-            if not np.isfinite(hit) or y - hit < shelf.low[1] + 0.03:
-                break
-            height = y - hit
-            if top is not None and top - height > 0.14:
-                found.append((height, top - height, float(along), float(off)))
-            top, y = height, height - 0.012
-            # A solid board or block is left before the next one is looked for.
-            top = height - 0.02
-    return found
-
-
-def _open_to_front(item: Item, shelf: Item) -> bool:
-    """Whether most of a thing in a shelf can be seen from straight before the shelf."""
-    s, t = (g.reshape(-1) for g in np.meshgrid((-0.7, 0.0, 0.7), (0.2, 0.5, 0.8)))
-    half, tall = item.half_width, float(item.high[1] - item.low[1])
-    across = item.middle + np.outer(s * half, shelf.right)
-    start = np.insert(across + shelf.front * item.half_depth, 1, item.low[1] + t * tall, axis=1)
-    way = np.broadcast_to(np.insert(shelf.front, 1, 0.0), start.shape)
-    return bool((~np.isfinite(shelf.caster.distance(start, way))).mean() > 0.85)
 
 
 def turn_of(side: Side) -> float:
@@ -229,7 +81,11 @@ class RoomSpace:
         if not self._inside(item) or high[1] > self.ceiling + 1e-6:
             return None
         for other in self.items:
-            if other is support or self._flat(other):
+            if self._flat(other):
+                continue
+            if other is support:
+                if np.minimum(high, other.high)[1] - low[1] > 0.01 and run_together(item, other):
+                    return None
                 continue
             if np.all(np.minimum(high, other.high) - np.maximum(low, other.low) > 0.003) and (
                 other is not under or run_together(item, other)
@@ -272,7 +128,7 @@ class RoomSpace:
                 spots = [spots[i] for i in self.rng.permutation(len(spots))]
             for along in spots:
                 x, z = side.point(along, depth / 2 + GAP)
-                item = Item(thing, np.array([x, 0.0, z]), turn_of(side), self.room)
+                item = Item(thing, np.array([x, thing.elevation, z]), turn_of(side), self.room)
                 if self.put(item) is not None:
                     return item
         return None
@@ -328,7 +184,7 @@ class RoomSpace:
             stands = shelf.height_below(item.footprint, height + room / 2, 0.008)
             if stands is None or abs(stands - height) > 0.01 or run_together(item, shelf, 0.004):
                 continue
-            if not _open_to_front(item, shelf):
+            if not open_to_front(item, shelf):
                 continue
             if self.put(item, support=shelf) is not None:
                 return item

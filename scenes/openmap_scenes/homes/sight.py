@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from openmap_scenes.homes.placement import Item
+from openmap_scenes.homes.items import Item
 from openmap_scenes.homes.rays import RayCaster
 from openmap_scenes.homes.shell import Piece
 

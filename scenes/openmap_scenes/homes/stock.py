@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 
 from openmap_scenes.homes.colour import model_colour
+from openmap_scenes.homes.items import Thing
 from openmap_scenes.homes.kinds import KEPT_FOR, SPLITS, read_kinds, read_splits
 from openmap_scenes.homes.library import DEFAULT_FOLDER, FOLDER_VARIABLE, Piece, read_library
 from openmap_scenes.homes.models import Model, load_model
 from openmap_scenes.homes.parametric import GENERATORS, Limits
-from openmap_scenes.homes.placement import Thing
 
 _log = logging.getLogger(__name__)
 
@@ -27,6 +27,8 @@ FLAT, FLAT_HEIGHT = ("rug", "round rug", "bath mat", "doormat"), 0.008
 LIBRARY_SHARE = (0.0, 0.35, 0.45, 0.6)
 # How many small things of one kind a home has.
 OFTEN = 3
+# What has to be of one make in a kitchen.
+KITCHEN = ("kitchen cabinet", "kitchen drawers", "kitchen sink", "wall cabinet")
 # The value of FOLDER_VARIABLE that asks for homes without the library.
 NO_LIBRARY = "none"
 
@@ -85,10 +87,8 @@ class Stock:
                 self._pieces.setdefault(kind.kind, []).append(library[piece])
         self.full = bool(library)
         # Whether the units of the kitchen are made by rule: all of them or none.
-        mine = all(self.makes(k) for k in ("kitchen cabinet", "kitchen sink"))
-        self.kitchen_made = mine and (
-            bool(rng.random() < 0.6) or not {"kitchen cabinet", "kitchen sink"} <= set(self._pieces)
-        )
+        mine = all(self.makes(k) for k in KITCHEN)
+        self.kitchen_made = mine and (bool(rng.random() < 0.6) or not set(KITCHEN) <= set(self._pieces))
 
     def has(self, kind: str) -> bool:
         """Whether the split has things of that kind."""

@@ -6,7 +6,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import binary_dilation, label
 
-from openmap_scenes.homes.placement import BODY_HEIGHT, BODY_RADIUS, CELL, Item
+from openmap_scenes.homes.items import Item
+from openmap_scenes.homes.placement import BODY_HEIGHT, BODY_RADIUS, CELL
 from openmap_scenes.homes.plan import Plan
 
 
