@@ -6,9 +6,12 @@ get random generators of one seed (``kitchen.kitchen_style``).
 
 from openmap_scenes.homes.parametric import (
     appliances,
+    bathing,
     bathroom,
     beds,
+    chairs,
     decor,
+    desks,
     fixtures,
     food,
     kitchen,
@@ -26,7 +29,9 @@ from openmap_scenes.homes.parametric import (
 )
 from openmap_scenes.homes.parametric.base import Generator, Limits, Made
 
-FURNITURE = (seating, sofas, tables, storage, shelving, beds, kitchen, appliances, bathroom)
+FURNITURE = (
+    chairs, seating, sofas, tables, desks, storage, shelving, beds, kitchen, appliances, bathroom, bathing,
+)  # fmt: skip
 THINGS = (textiles, lighting, decor, plants, tableware, food, media, fixtures, small)
 
 GENERATORS: dict[str, Generator] = {}

@@ -312,7 +312,12 @@ def _drum(rng: np.random.Generator, limits: Limits, dryer_: bool) -> Made | None
     parts.append(rounded_box((-w / 2 + 0.002, h - 0.125, z), (w / 2 - 0.002, h - 0.006, z + 0.012), body, 0.004))
     line = [(r + 0.02, 0.0), (r + 0.02, 0.022), (r, 0.034), (r - 0.03, 0.034), (r - 0.04, 0.016)]
     parts.append(
-        moved(turned(lathe([*line, (0.0, 0.012)], ring, {0, 1, 3, 4}, 32), "x", np.pi / 2), 0, h * 0.43, z - 0.001)
+        moved(
+            turned(lathe([*line, (r - 0.04, 0.003), (0.0, 0.003)], ring, {0, 1, 3, 4, 5}, 32), "x", np.pi / 2),
+            0,
+            h * 0.43,
+            z - 0.001,
+        )
     )
     bulge = [
         (r - 0.035, 0.0),

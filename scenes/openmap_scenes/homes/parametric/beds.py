@@ -22,13 +22,6 @@ from openmap_scenes.homes.solids import (
 from openmap_scenes.scene import Material
 
 
-def _wood_or_paint(rng: np.random.Generator) -> tuple[Material, str]:
-    m, name = finishes.wood(rng)
-    if rng.random() < 0.35:
-        return finishes.painted(finishes.shade(rng, finishes.PAINTS)), "wood"
-    return m, name
-
-
 def _bedding(
     rng: np.random.Generator,
     x: float,
@@ -154,7 +147,7 @@ def bed(rng: np.random.Generator, limits: Limits) -> Made | None:
     if size is None:
         return None
     w, d, h = size
-    m, name = _wood_or_paint(rng)
+    m, name = finishes.wood_or_paint(rng)
     iron, _ = finishes.metal(rng, "black metal", "brass", "steel")
     cover, cloth = finishes.upholstery(rng)
     style = finishes.choose(rng, "panel", "slats", "channels", "tufted", "metal")
@@ -193,7 +186,7 @@ def child_bed(rng: np.random.Generator, limits: Limits) -> Made | None:
     if size is None:
         return None
     w, d, h = size
-    m, name = _wood_or_paint(rng)
+    m, name = finishes.wood_or_paint(rng)
     x, z, deck = w / 2 - 0.02, d / 2 - 0.02, 0.24
     house = h > 1.25
     top = 0.62 if house else h
@@ -250,7 +243,7 @@ def bunk_bed(rng: np.random.Generator, limits: Limits) -> Made | None:
     if size is None:
         return None
     w, d, h = size
-    m, name = _wood_or_paint(rng)
+    m, name = finishes.wood_or_paint(rng)
     if rng.random() < 0.3:
         m, name = finishes.metal(rng, "black metal", "steel")
     x, z, upper = w / 2 - 0.055, d / 2 - 0.03, h - 0.42
@@ -297,7 +290,7 @@ def crib(rng: np.random.Generator, limits: Limits) -> Made | None:
     if size is None:
         return None
     w, d, h = size
-    m, name = _wood_or_paint(rng)
+    m, name = finishes.wood_or_paint(rng)
     x, z, deck = w / 2 - 0.025, d / 2 - 0.025, float(rng.uniform(0.28, 0.42))
     parts = [leg((s * x, 0.16, e * z), (s * x, 0, e * z), 0.025, m, 0.6) for s in (-1, 1) for e in (-1, 1)]
     parts += [

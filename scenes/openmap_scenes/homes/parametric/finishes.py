@@ -62,6 +62,12 @@ def wood(rng: np.random.Generator, *species: str) -> tuple[Material, str]:
     return Material(name, np.ones(3, np.float32), _paint(base, strength * value)), name
 
 
+def wood_or_paint(rng: np.random.Generator, share: float = 0.35) -> tuple[Material, str]:
+    """Wood, or with a chance of ``share`` painted wood, and what a person calls it."""
+    material, name = wood(rng)
+    return (painted(shade(rng, PAINTS)), "wood") if rng.random() < share else (material, name)
+
+
 def painted(colour: Colour, name: str = "paint") -> Material:
     """One plain colour."""
     return Material(name, np.array(colour, np.float32))
@@ -87,7 +93,7 @@ def cloth(rng: np.random.Generator, colour: Colour | None = None, weave: str = "
     elif weave == "coarse":
         value = 0.07 * ((u // 2 + v // 2) % 2 * 2.0 - 1.0) + 0.03 * white
     elif weave == "velvet":
-        value = 0.06 * _unit(gaussian_filter(white, 7.0, mode="wrap")) + 0.012 * white
+        value = 0.035 * _unit(gaussian_filter(white, 7.0, mode="wrap")) + 0.012 * white
     elif weave == "tweed":
         value = 0.10 * white
     elif weave == "stripes":
@@ -108,7 +114,7 @@ def upholstery(rng: np.random.Generator) -> tuple[Material, str]:
 def leather(rng: np.random.Generator) -> Material:
     """Leather: fine grain over soft wear."""
     white = rng.standard_normal((_TALL // 2, _WIDE // 2))
-    value = 0.035 * _unit(gaussian_filter(white, 0.9, mode="wrap")) + 0.05 * _unit(
+    value = 0.035 * _unit(gaussian_filter(white, 0.9, mode="wrap")) + 0.022 * _unit(
         gaussian_filter(white, 9, mode="wrap")
     )
     return Material("leather", np.ones(3, np.float32), _paint(np.array(shade(rng, HIDES)), value))

@@ -15,7 +15,8 @@ from openmap_scenes.homes.models import Model
 from openmap_scenes.homes.parametric import finishes
 from openmap_scenes.homes.parametric.base import Generator, Limits, Made
 from openmap_scenes.homes.parametric.parts import doors, draw_size, drawer_fronts, made
-from openmap_scenes.homes.solids import bent, box, cylinder, merge, moved, rounded_box, tube
+from openmap_scenes.homes.primitives import merge
+from openmap_scenes.homes.solids import bent, box, cylinder, moved, rounded_box, tube
 from openmap_scenes.scene import Material
 
 DEPTH, HEIGHT = 0.6, 0.9
@@ -68,14 +69,14 @@ def kitchen_style(rng: np.random.Generator) -> KitchenStyle:
     )
 
 
-def base_body(s: KitchenStyle, w: float, worktop: bool = True) -> list[Model]:
-    """Plinth, case and worktop of a base unit, w m wide."""
+def base_body(s: KitchenStyle, w: float, top: float | None = None) -> list[Model]:
+    """Plinth, case and worktop of a base unit, w m wide; without a worktop where the case ends at ``top`` m."""
     z = DEPTH / 2
     parts = [
         box((-w / 2, 0.0, -z), (w / 2, PLINTH, FRONT - 0.05), s.case, "x"),
-        rounded_box((-w / 2, PLINTH, -z), (w / 2, HEIGHT - TOP, FRONT), s.case, 0.001),
+        rounded_box((-w / 2, PLINTH, -z), (w / 2, HEIGHT - TOP if top is None else top, FRONT), s.case, 0.001),
     ]
-    if worktop:
+    if top is None:
         parts.append(rounded_box((-w / 2, HEIGHT - TOP, -z), (w / 2, HEIGHT, z), s.worktop, 0.003, grain="x", step=0.2))
     return parts
 
@@ -132,20 +133,19 @@ def kitchen_sink(rng: np.random.Generator, limits: Limits) -> Made | None:
         return None
     w = size[0]
     low, high = span(w)
-    parts = base_body(s, w, worktop=False)
+    deep = 0.17
+    parts = base_body(s, w, HEIGHT - deep - 0.01)
     parts += doors(low, high, FRONT, 2 if w > 0.6 else 1, s.fronts, s.iron, s.grip, s.framed, 0.85)
     basin = s.steel if rng.random() < 0.65 else finishes.ceramic(rng)
     x1 = min(w / 2 - 0.06, 0.42)
     x0 = -x1 if w < 0.75 or rng.random() < 0.5 else 0.02 - x1 * 0.3
-    z0, z1, y, deep, z = -0.15, 0.22, HEIGHT - TOP, 0.17, DEPTH / 2
+    z0, z1, y, z = -0.15, 0.22, HEIGHT - TOP, DEPTH / 2
     # The worktop is a frame around the basin.
-    for a, b in (
-        ((-w / 2, -z), (w / 2, z0)),
-        ((-w / 2, z1), (w / 2, z)),
-        ((-w / 2, z0), (x0, z1)),
-        ((x1, z0), (w / 2, z1)),
-    ):
-        parts.append(box((a[0], y, a[1]), (b[0], HEIGHT, b[1]), s.worktop, "x"))
+    around = ((-w / 2, -z, w / 2, z0), (-w / 2, z1, w / 2, z), (-w / 2, z0, x0, z1), (x1, z0, w / 2, z1))
+    parts += [box((xa, y, za), (xb, HEIGHT, zb), s.worktop, "x") for xa, za, xb, zb in around]
+    # Under it the case is hollow where the basin hangs.
+    hole = ((-w / 2, -z, w / 2, z0), (-w / 2, z1, w / 2, FRONT), (-w / 2, z0, x0, z1), (x1, z0, w / 2, z1))
+    parts += [box((xa, HEIGHT - deep - 0.01, za), (xb, y, zb), s.case) for xa, za, xb, zb in hole]
     bowls = [(x0, x1)] if x1 - x0 < 0.6 else [(x0, (x0 + x1) / 2), ((x0 + x1) / 2, x1)]
     rim = 0.012
     for a, b in bowls:

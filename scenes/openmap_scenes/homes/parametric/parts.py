@@ -8,13 +8,13 @@ import numpy as np
 
 from openmap_scenes.homes.models import Model
 from openmap_scenes.homes.parametric.base import Limits, Made
+from openmap_scenes.homes.primitives import merge
 from openmap_scenes.homes.solids import (
     assembled,
     bent,
     box,
     cylinder,
     leg,
-    merge,
     oval,
     prism,
     rounded_box,
@@ -151,8 +151,8 @@ def handle(
         )
     if style == "bar":
         a, b = ((x, y - half, z), (x, y + half, z)) if upright else ((x - half, y, z), (x + half, y, z))
-        out = np.array([0.0, 0.0, 0.03])
-        return [tube(bent([a, a + out, b + out, b], 0.012, 2), 0.005, m, 6)]
+        way = np.array([a, a, b, b]) + np.outer([0.0, 0.03, 0.03, 0.0], [0.0, 0.0, 1.0])
+        return [tube(bent(way, 0.012, 2), 0.005, m, 6)]
     return []
 
 

@@ -9,7 +9,6 @@ from openmap_scenes.homes.parametric import finishes
 from openmap_scenes.homes.parametric.base import Generator, Limits, Made
 from openmap_scenes.homes.parametric.parts import carcass, doors, draw_size, drawer_fronts, made
 from openmap_scenes.homes.solids import box, lathe, moved, rounded_box, turned
-from openmap_scenes.scene import Material
 
 
 class Filling:
@@ -37,7 +36,8 @@ class Filling:
 
     def _books(self, x0: float, x1: float, y: float, z0: float, z1: float, room: float) -> list[Model]:
         """Upright books side by side, the last one leaning, or now and then a pile."""
-        rng, out, x = self.rng, [], x0
+        rng, x = self.rng, x0
+        out: list[Model] = []
         deep = min(z1 - z0 - 0.02, 0.22)
         while True:
             t = float(rng.uniform(0.018, 0.042))
@@ -80,7 +80,8 @@ class Filling:
         ]
 
     def ornaments(self, x0: float, x1: float, y: float, z0: float, z1: float, room: float) -> list[Model]:
-        rng, out, x = self.rng, [], x0 + 0.02
+        rng, x = self.rng, x0 + 0.02
+        out: list[Model] = []
         while x < x1 - 0.14:
             size, z = float(rng.uniform(0.05, 0.07)), (z0 + z1) / 2
             tall = min(float(rng.uniform(0.12, 0.26)), room - 0.03)
@@ -115,20 +116,13 @@ class Filling:
         return out
 
 
-def _wood_or_paint(rng: np.random.Generator) -> tuple[Material, str]:
-    m, name = finishes.wood(rng)
-    if rng.random() < 0.4:
-        return finishes.painted(finishes.shade(rng, finishes.PAINTS[:6])), "wood"
-    return m, name
-
-
 def bookcase(rng: np.random.Generator, limits: Limits) -> Made | None:
     """A tall case of boards full of books: plain, with doors or drawers below, or divided into cubes."""
     size = draw_size(rng, limits, (0.6, 1.3), (0.26, 0.36), (1.3, 2.1))
     if size is None:
         return None
     w, d, h = size
-    m, name = _wood_or_paint(rng)
+    m, name = finishes.wood_or_paint(rng)
     iron, _ = finishes.metal(rng)
     style, fill = finishes.choose(rng, "plain", "plain", "doors", "drawers", "cubes"), Filling(rng)
     t, low = 0.022, float(rng.uniform(0.05, 0.1))
@@ -169,7 +163,7 @@ def shelves(rng: np.random.Generator, limits: Limits) -> Made | None:
     if size is None:
         return None
     w, d, h = size
-    m, name = _wood_or_paint(rng)
+    m, name = finishes.wood_or_paint(rng)
     iron, word = finishes.metal(rng, "black metal", "steel", "brass")
     style, fill = finishes.choose(rng, "posts", "metal", "ladder"), Filling(rng)
     post, t = iron if style == "metal" else m, 0.03
@@ -203,7 +197,7 @@ def wall_shelf(rng: np.random.Generator, limits: Limits) -> Made | None:
     if size is None:
         return None
     w, d, h = size
-    m, name = _wood_or_paint(rng)
+    m, name = finishes.wood_or_paint(rng)
     iron, _ = finishes.metal(rng, "black metal", "brass", "steel")
     style, fill = finishes.choose(rng, "brackets", "floating", "box"), Filling(rng)
     parts: list[Model] = []

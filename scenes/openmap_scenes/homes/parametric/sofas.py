@@ -10,12 +10,12 @@ from openmap_scenes.homes.models import Model
 from openmap_scenes.homes.parametric import finishes
 from openmap_scenes.homes.parametric.base import Generator, Limits, Made
 from openmap_scenes.homes.parametric.parts import Size, bar, base, beam, draw_size, four_legs, made
+from openmap_scenes.homes.primitives import merge
 from openmap_scenes.homes.solids import (
     bent,
     box,
     cushion,
     leg,
-    merge,
     mirrored,
     moved,
     oval,
@@ -53,7 +53,7 @@ def _couch(rng: np.random.Generator, size: Size, seats: int, cover: Material, op
         if side != open_side:
             parts += _arm(arm, s, w / 2, a, foot, rise, z0, z1, cover)
     top = h if not loose else h - 0.09
-    hull = rounded_box((x0, foot, z0), (x1, top, z0 + back), cover, 0.045, 2, step=0.2)
+    hull = rounded_box((x0, foot, z0), (x1, top, z0 + back), cover, 0.045, 2, step=0.26)
     parts.append(hull)
     n, front = seats, z1 - 0.002
     step = (x1 - x0) / n
@@ -91,7 +91,7 @@ def _arm(
     if kind == "rolled":
         r = a * 0.5
         x = (lo + hi) / 2 + s * a * 0.0
-        roll = sweep([(x, rise - r, z0 + 0.02), (x, rise - r, z1)], oval(r, r, 16), m, step=0.15)
+        roll = sweep([(x, rise - r, z0 + 0.02), (x, rise - r, z1)], oval(r, r, 16), m, step=0.2)
         inner = lo + 0.025 if s < 0 else lo + 0.02
         return [rounded_box((inner, foot, z0 + 0.02), (inner + a - 0.045, rise - r, z1 - 0.01), m, 0.015, 2), roll]
     if kind == "pad":
@@ -99,7 +99,7 @@ def _arm(
             rounded_box((lo + 0.015, foot, z0 + 0.01), (hi - 0.01, rise - 0.09, z1 - 0.01), m, 0.012, 2),
             cushion((lo, rise - 0.11, z0 + 0.01), (hi, rise, z1), m, 0.25),
         ]
-    return [rounded_box((lo, foot, z0), (hi, rise, z1), m, 0.035 if kind == "box" else 0.02, 2, step=0.2)]
+    return [rounded_box((lo, foot, z0), (hi, rise, z1), m, 0.035 if kind == "box" else 0.02, 2, step=0.26)]
 
 
 def _pillows(rng: np.random.Generator, x0: float, x1: float, seat: float, z: float, seats: int) -> list[Model]:
@@ -222,7 +222,7 @@ def _tufted(rng: np.random.Generator, size: Size, cover: Material) -> list[Model
             p = np.array([np.interp(s, length, path[:, k]) for k in range(3)])
             q = np.array([np.interp(s + 0.01, length, path[:, k]) for k in range(3)])
             angle = float(np.arctan2(-(q - p)[2], (q - p)[0]))
-            pad = cushion((-0.072, 0.40, -0.12), (0.072, rise - 0.01, -0.03), cover, 0.6, 0.16, 1)
+            pad = cushion((-0.072, 0.40, -0.12), (0.072, rise - 0.01, -0.03), cover, 0.6, 0.2, 1)
             parts.append(moved(turned(pad, "y", angle), p[0], 0.0, p[2]))
     seats = max(1, round((w - 2 * t) / 0.68))
     step = (w - 2 * t) / seats
@@ -266,7 +266,7 @@ def _wing(rng: np.random.Generator, size: Size, cover: Material) -> list[Model]:
         lo, hi = (-w / 2 + 0.01, -w / 2 + 0.1) if s < 0 else (w / 2 - 0.1, w / 2 - 0.01)
         parts.append(rounded_box((lo, 0.18, -z + 0.08), (hi, 0.56, z - 0.04), cover, 0.03, 2))
         roll = [((lo + hi) / 2, 0.57, -z + 0.1), ((lo + hi) / 2, 0.57, z - 0.02)]
-        parts.append(sweep(roll, oval(0.05, 0.05, 12), cover, step=0.15))
+        parts.append(sweep(roll, oval(0.05, 0.05, 12), cover, step=0.2))
         wing = cushion((lo + 0.01, 0.5, -z + 0.02), (hi - 0.01, h - 0.03, -z + 0.34), cover, 0.3)
         parts.append(turned(wing, "y", -s * 0.12, (lo, 0.5, -z + 0.05)))
     parts.append(cushion((-w / 2 + 0.1, 0.31, -z + 0.18), (w / 2 - 0.1, 0.47, z), cover, 0.25))
@@ -296,12 +296,12 @@ def corner_sofa(rng: np.random.Generator, limits: Limits) -> Made | None:
     ]
     parts.append(rounded_box((x, foot, -d / 2), (w / 2, deck, d / 2 - 0.01), cover, 0.015, 2))
     parts.append(
-        rounded_box((x, deck - 0.01, -d / 2 + 0.001), (w / 2, h - 0.09, -d / 2 + 0.17), cover, 0.045, 2, step=0.2)
+        rounded_box((x, deck - 0.01, -d / 2 + 0.001), (w / 2, h - 0.09, -d / 2 + 0.17), cover, 0.045, 2, step=0.26)
     )
     z0 = -d / 2 + 0.17
     side = 0.0 if chaise else 0.17
     parts.append(cushion((x, deck - 0.005, z0 - 0.02), (w / 2 - side, seat, d / 2), cover, 0.12, 0.22))
-    lean = cushion((x + 0.005, seat - 0.02, -0.075), (w / 2 - 0.005, h, 0.075), cover, 0.45, 0.2)
+    lean = cushion((x + 0.005, seat - 0.02, -0.075), (w / 2 - 0.005, h, 0.075), cover, 0.45, 0.24)
     parts.append(turned(moved(lean, z=z0 + 0.075), "x", -0.16, (0, seat, z0 + 0.05)))
     if not chaise:
         parts.append(
