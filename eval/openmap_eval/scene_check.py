@@ -25,6 +25,8 @@ HEIGHTS = (1.8, 30.0)
 """A home is this high, m; anything else is another unit or another axis."""
 LYING = 1.25
 """A mesh lies on its side where so many times more area looks along x or z than along y."""
+ENOUGH_AREA = 0.9
+"""Share of the area that looks along y that must look along an axis for floors to be taken to look along it."""
 LAYER = 0.3
 """How thick, m, a layer of faces is that counts as one wall or floor."""
 MOST_RAYS = 250_000
@@ -150,8 +152,8 @@ def _placement(scene: Scene) -> Finding | None:
 def _upright(scene: Scene) -> tuple[int, bool]:
     """Which axis (0, 1, 2) floors look along, and whether labels say so.
 
-    Without labels it is an axis that has both the largest layer of faces (in a flat of many rooms walls have more area
-    altogether) and the most area in all (the walls of a tower are larger than its floors); y where in doubt.
+    Without labels it is the axis with the largest layer of faces: in a flat of many rooms walls have more area altogether.
+    The walls of a tower are larger than each of its floors, so there must not be much less area in all either. y where in doubt.
     """
     normal = np.abs(_normals(scene))
     floors = np.isin(scene.face_instance, [i.id for i in scene.instances if i.category == "floor"])
@@ -164,8 +166,8 @@ def _upright(scene: Scene) -> tuple[int, bool]:
         if flat.any():
             _, layer = np.unique(np.floor(centre[flat, axis] / LAYER), return_inverse=True)
             area[axis], largest[axis] = total[flat].sum(), np.bincount(layer.ravel(), total[flat]).max()
-    axis = _prevailing(area)
-    return (axis if axis == _prevailing(largest) else 1), False
+    axis = _prevailing(largest)
+    return (axis if area[axis] >= ENOUGH_AREA * area[1] else 1), False
 
 
 def _prevailing(area: npt.NDArray[np.float64]) -> int:
