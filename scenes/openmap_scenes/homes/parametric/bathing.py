@@ -73,7 +73,9 @@ def bathtub(rng: np.random.Generator, limits: Limits) -> Made | None:
         ]
         parts = [bowl(wall + inner[1:], white, 2.5, (), sides)]
         if outer is not white:
-            parts = [bowl([*wall[:3], (rim - 0.03, a * 0.975, b * 0.97, 0)], outer, 2.5, (), sides)]
+            # The coloured skin runs down again between itself and the white one, so that nothing closes the tub.
+            lip: list[Ring] = [(rim - 0.03, a * 0.975, b * 0.97, 0), (rim - 0.032, a * 0.968, b * 0.962, 0)]
+            parts = [bowl([*wall[:3], *lip, (low + 0.03, a * 0.62, b * 0.52, 0)], outer, 2.5, (3, 4), sides)]
             shell = [(low + 0.06, a * 0.6, b * 0.5, 0), (rim - 0.045, a * 0.96, b * 0.955, 0), *wall[3:], *inner[1:]]
             parts.append(bowl(shell, white, 2.5, (), sides))
         if style == "claw":
