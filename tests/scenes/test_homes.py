@@ -18,13 +18,13 @@ from openmap_scenes import DataError, Scene, load_scene
 from openmap_scenes.homes import build_home, build_home_from_seed
 from openmap_scenes.homes.assemble import assemble
 from openmap_scenes.homes.build import Drawn, draw_home
-from openmap_scenes.homes.furnish import NEEDS
 from openmap_scenes.homes.kinds import KEPT_FOR, SPLITS, TEST_ONLY, mpcat40, read_kinds, read_splits
 from openmap_scenes.homes.library import FOLDER_VARIABLE, furniture_folder, read_library
 from openmap_scenes.homes.models import load_model, prepare_model
 from openmap_scenes.homes.parametric import GENERATORS
 from openmap_scenes.homes.rays import RayCaster
 from openmap_scenes.homes.stock import Stock
+from openmap_scenes.homes.wishes import NEEDS
 from openmap_scenes.scene import Instance
 from openmap_scenes.taxonomy import labels_of
 

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from openmap_scenes.homes.items import Item
 from openmap_scenes.homes.kinds import mpcat40
-from openmap_scenes.homes.lamps import LAMPS, home_lights
+from openmap_scenes.homes.lamps import HIGH_LAMPS, LAMPS, home_lights
 from openmap_scenes.homes.light import bake
 from openmap_scenes.homes.models import Model
 from openmap_scenes.homes.plan import Plan
@@ -40,7 +40,7 @@ def assemble(
     materials, face_material = _materials([p[0] for p in parts])
     face_instance = np.repeat(np.arange(1, len(parts) + 1), [len(p[0].faces) for p in parts]).astype(np.int32)
     # Thin things on walls cast no shadow: the walls' vertices are too far apart to show it as more than a stain.
-    casts = np.array([True] * len(shell) + [float((i.high - i.low).min()) > 0.05 for i in items])[face_instance - 1]
+    casts = np.array([True] * len(shell) + [_casts(i) for i in items])[face_instance - 1]
     loose = [p.kind not in ("floor", "wall", "ceiling") for p in shell] + [True] * len(items)
     may_hide = np.repeat(loose, [len(p[1]) for p in parts])
     points = _samples(plan, shell, vertices)
@@ -88,6 +88,12 @@ def assemble(
         source=source,
         credits=credits_of(items),
     )
+
+
+def _casts(item: Item) -> bool:
+    """Whether a thing's shadow is baked: not that of thin things on walls, nor that of the lamps which light the room."""
+    hangs = item.low[1] > 0.3 and item.support is None
+    return item.thing.kind not in HIGH_LAMPS and float((item.high - item.low).min()) > (0.2 if hangs else 0.05)
 
 
 def describe(items: list[Item]) -> list[dict[str, str]]:

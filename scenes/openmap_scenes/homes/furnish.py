@@ -23,48 +23,23 @@ from openmap_scenes.homes.groups import (
     sofa_group,
 )
 from openmap_scenes.homes.items import Item
-from openmap_scenes.homes.kitchen import HOT, furnish_kitchen
+from openmap_scenes.homes.kitchen import furnish_kitchen
 from openmap_scenes.homes.placement import RoomSpace
 from openmap_scenes.homes.plan import Plan
 from openmap_scenes.homes.stock import Stock, own
+from openmap_scenes.homes.wishes import (
+    DRESSER,
+    FILLERS,
+    FLOOR_FINDS,
+    NEEDS,
+    PLANTS,
+    SEATS,
+    SIDEBOARD,
+    SMALL_PLANTS,
+    SOFAS,
+    TOYS,
+)
 
-SOFAS = ("sofa", "corner sofa", "loveseat", "futon", "sofa bed")
-PLANTS = ("potted plant", "ficus", "yucca", "peace lily", "spider plant", "palm", "snake plant", "bamboo plant")
-SMALL_PLANTS = (
-    "potted plant", "bonsai", "cactus", "orchid", "succulent", "flowers", "tulips", "lilies", "bamboo plant",
-)  # fmt: skip
-SIDEBOARD = (
-    "vase", "radio", "candle", "photo frame", "speaker dock", "stereo", "aquarium", "cat statue", "deer figurine", "bowl",
-    "cordless phone", "camera", "fan", "jar", "helmet", "toy car", "figurine", "globe", "table lamp", "bowl of fruit",
-    "wine bottle", "teapot", "tray", "basket", "phone", "table clock", "record player",
-)  # fmt: skip
-DRESSER = (
-    "vase", "hat", "handbag", "photo frame", "folded clothes", "candle", "cap", "briefcase", "jewelry box", "table lamp",
-    "mirror", "box", "bottle", "basket", "stereo", "teddy bear", "figurine",
-)  # fmt: skip
-TOYS = (
-    "teddy bear", "toy car", "toy train", "toy plane", "toy", "doll", "soccer ball", "basketball", "puzzle", "xylophone",
-    "rubik's cube", "rocking horse", "dollhouse", "tricycle", "skateboard", "ball", "building blocks", "toy blocks", "robot",
-)  # fmt: skip
-FLOOR_FINDS = (
-    "suitcase", "laundry basket", "slippers", "sneakers", "shoes", "backpack", "fan", "basket", "cardboard box", "safe",
-    "handbag", "gift box", "electric guitar", "guitar", "box",
-)  # fmt: skip
-# What each kind of room must have: one of every row.
-NEEDS: dict[str, tuple[tuple[str, ...], ...]] = {
-    "living room": (SOFAS, ("television", "wall television", "entertainment center")),
-    "studio": ((*SOFAS, "bed", "day bed"), ("kitchen sink", "washbasin"), HOT, ("bed", "day bed", *SOFAS)),
-    "kitchen": (("kitchen sink", "washbasin"), HOT, ("refrigerator",)),
-    "bedroom": (("bed", "day bed", "captain's bed", "sofa bed"), ("wardrobe", "cupboard", "clothes rack")),
-    "children's room": (("child bed", "bunk bed", "crib", "captain's bed", "day bed", "bed"),),
-    "bathroom": (
-        ("toilet",), ("washbasin", "vanity", "double vanity"), ("bathtub", "corner bathtub", "shower stall", "shower"),
-    ),
-    "office": (("desk",),),
-    "dining room": (("dining table", "round table", "folding table"),),
-    "laundry room": (("washing machine", "dryer"),),
-    "hall": (),
-}  # fmt: skip
 TRIES = 4
 
 
@@ -112,9 +87,19 @@ def _living(f: Furnisher) -> None:
         f.wall(*PLANTS, corner=True, width=1.1)
     f.wall("floor lamp", "speaker", "electric guitar", "guitar", "room divider", "basket", corner=True)
     f.wall("basket", "ottoman", "speaker", "magazine rack", "cat tree", corner=True, width=0.6)
+    for item in f.fill(0.36, *FILLERS, *FILLERS[:3]):
+        _dress(f, item)
     f.pictures(3, over=sofa)
     _wall_shelf(f)
     f.clock()
+
+
+def _dress(f: Furnisher, item: Item) -> None:
+    """Small things in and on what stands along a wall."""
+    if item.thing.kind in ("bookcase", "shelves", "cabinet"):
+        f.shelved(item, SHELF_THINGS, 5)
+    if item.high[1] < 1.4 and item.thing.kind not in (*SEATS, *PLANTS):
+        f.tops(item, (*SIDEBOARD, *SMALL_PLANTS), 3)
 
 
 def _sofa(f: Furnisher, wide: float) -> Item | None:
@@ -153,6 +138,8 @@ def _dining(f: Furnisher) -> None:
     f.wall("bench", "armchair", "bar table", corner=True)
     for _ in range(2):
         f.wall(*PLANTS, corner=True, width=1.0)
+    for item in f.fill(0.4, *FILLERS):
+        _dress(f, item)
     f.pictures(3)
     _wall_shelf(f)
     f.clock()
@@ -191,6 +178,8 @@ def _bedroom(f: Furnisher) -> None:
     for _ in range(2):
         f.wall(*FLOOR_FINDS, corner=True, width=0.8)
     f.wall("floor lamp", "standing mirror", "clothes rack", "trunk", corner=True, width=0.9)
+    for item in f.fill(0.4, ("chest of drawers", "bookcase", "shelves"), ("bench", "armchair", "ottoman"), PLANTS):
+        _dress(f, item)
     f.pictures(2, over=bed)
 
 
@@ -258,6 +247,8 @@ def _office(f: Furnisher) -> None:
     f.rug(2.0, 1.4, (r.x0 + r.x1) / 2, (r.z0 + r.z1) / 2, float(f.rng.integers(2)) * np.pi / 2)
     for _ in range(2):
         f.wall(*PLANTS, corner=True, width=0.9)
+    for item in f.fill(0.42, *FILLERS):
+        _dress(f, item)
     f.hung(f.stock.get("whiteboard", "notice board", "wall calendar", height=1.2, depth=0.2), 1.1)
     f.pictures(2, over=desk)
     f.clock()
@@ -363,6 +354,8 @@ def _studio(f: Furnisher) -> None:
     for _ in range(int(rng.integers(1, 3))):
         f.wall(*PLANTS, corner=True, width=0.8)
     f.wall(*FLOOR_FINDS, corner=True, width=0.7)
+    for item in f.fill(0.34, *FILLERS):
+        _dress(f, item)
     f.pictures(3, over=sofa or bed)
     f.clock()
 

@@ -77,6 +77,17 @@ class Furnisher:
                 placed.append(item)
         return placed
 
+    def fill(self, free: float, *rows: tuple[str, ...]) -> list[Item]:
+        """More along the walls, one of each row, as long as more than a share ``free`` of the floor can be walked on."""
+        placed = []
+        for kinds in rows:
+            area = self.space.reachable(self.space.items)
+            if area is None or area.mean() < free:
+                break
+            item = self.wall(*kinds, width=1.8)
+            placed += [item] if item is not None else []
+        return placed
+
     def beside(self, thing: Thing, anchor: Item, sign: int, gap: float = 0.06) -> Item | None:
         """A thing to the right (+1) or left (-1) of an anchor, its back in line with the anchor's, turned the same way."""
         width, _, depth = thing.model.size

@@ -128,7 +128,8 @@ def run_together(a: Item, b: Item, tolerance: float = 0.008) -> bool:
             continue
         for origin, ray in ((start, way), (start + way, -way)):
             t, length = faces_of.caster.distance(origin, ray), np.linalg.norm(way, axis=1)
-            crosses = np.isfinite(t) & (t * length > tolerance) & ((1.0 - t) * length > tolerance)
+            t = np.where(np.isfinite(t), t, -1.0)
+            crosses = (t * length > tolerance) & ((1.0 - t) * length > tolerance)
             if crosses.any():
                 return True
     return False

@@ -8,6 +8,7 @@ from openmap_scenes.homes.furnisher import Furnisher, large_enough, stretched
 from openmap_scenes.homes.items import Item, Thing
 from openmap_scenes.homes.placement import GAP, RoomSpace, turn_of
 from openmap_scenes.homes.plan import Side
+from openmap_scenes.homes.rays import RayCaster
 
 # A counter's height and depth, m; units of different makers are brought to them so that the worktop runs on.
 HEIGHT, DEPTH = 0.9, 0.62
@@ -46,7 +47,7 @@ def furnish_kitchen(f: Furnisher, longest: float = 9.0) -> list[Item]:
     _above(f, placed)
     _on_counter(f, [p for p in placed if p.thing.kind in BASES or p.thing.kind == "dishwasher"])
     sink = next((p for p in placed if p.thing.kind == "kitchen sink"), None)
-    f.tops(sink, ("soap dispenser", "dish rack", "plate", "glass", "utensil holder"), 1)
+    f.tops(sink, ("soap dispenser", "dish rack", "glass", "utensil holder"), 1)
     stove = next((p for p in placed if p.thing.kind == "stove"), None)
     f.tops(stove, ("pot", "pan", "kettle", "moka pot"), 2)
     return placed
@@ -73,10 +74,27 @@ def _stretches(space: RoomSpace) -> list[tuple[float, int, float, float]]:
 
 
 def _unit(f: Furnisher, *kinds: str) -> Thing | None:
-    """A unit of the home's one kitchen style, brought to the counter's height and depth."""
+    """A unit of the home's one kitchen style, its worktop brought to the counter's height, its front to the counter's."""
     match = any(f.stock.makes(k) for k in kinds) and f.stock.kitchen_made
-    thing = f.stock.get(*kinds, height=1.25, width=1.25, depth=0.75, match=match, made=True if match else None)
-    return stretched(thing, height=HEIGHT, depth=DEPTH) if thing is not None else None
+    thing = None
+    for same in (match, False):
+        thing = thing or f.stock.get(
+            *kinds, height=1.5, width=1.25, depth=0.75, match=same, made=True if same else None
+        )
+    if thing is None or thing.made:
+        return thing
+    grown = HEIGHT / _worktop(thing)
+    return stretched(thing, height=float(thing.model.size[1]) * grown, depth=DEPTH)
+
+
+def _worktop(thing: Thing) -> float:
+    """How high the worktop of a unit lies, m: its middle height near the front, beside bowl, taps and hobs."""
+    low, high = thing.model.vertices.min(0), thing.model.vertices.max(0)
+    x = np.linspace(0.06, 0.94, 8) * (high[0] - low[0]) + low[0]
+    start = np.stack([x, np.full(8, high[1] + 0.1), np.full(8, high[2] - 0.2 * (high[2] - low[2]))], 1)
+    caster = RayCaster(thing.model.vertices, thing.model.faces)
+    hit = high[1] + 0.1 - caster.distance(start, np.broadcast_to([0.0, -1.0, 0.0], start.shape))
+    return float(np.clip(np.median(hit[np.isfinite(hit)]) if np.isfinite(hit).any() else high[1], 0.6, 1.2))
 
 
 def _units(f: Furnisher) -> list[Thing]:

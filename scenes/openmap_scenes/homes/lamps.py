@@ -9,7 +9,8 @@ from openmap_scenes.homes.light import DAY, GLOW, LAMP, SKY, WARM, Light, Sun
 from openmap_scenes.homes.plan import WALL, Plan
 
 SMALL_LAMPS = ("table lamp", "desk lamp", "floor lamp", "wall lamp")
-LAMPS = ("ceiling lamp", "pendant lamp", *SMALL_LAMPS)
+HIGH_LAMPS = ("ceiling lamp", "pendant lamp", "ceiling fan")
+LAMPS = (*HIGH_LAMPS[:2], *SMALL_LAMPS)
 # From warm to cool light.
 COOL = np.array([-1.0, 0.0, 1.4])
 

@@ -32,7 +32,7 @@ class Light:
     normal: npt.NDArray[np.float64] | None
     power: float
     tint: npt.NDArray[np.float64]
-    reach: float = 50.0
+    reach: float = 6.0
     past: float = 0.0
 
 
@@ -119,18 +119,19 @@ def _direct(
     """What a light sends to each place, (V,): power * cosines / (1 + r^2), shadows by rays."""
     total = np.zeros(len(origin))
     for point in light.points.astype(np.float32):
-        to = point - origin
+        near = np.flatnonzero((np.abs(point - origin) < light.reach).all(1))
+        to = point - origin[near]
         r = np.linalg.norm(to, axis=1)
         unit = to / np.maximum(r, 1e-6)[:, None]
-        strength = np.maximum((normal * unit).sum(1), 0.0)
+        strength = np.maximum((normal[near] * unit).sum(1), 0.0)
         if light.normal is not None:
             strength = strength * np.maximum(-(unit @ light.normal.astype(np.float32)), 0.0)
         strength = strength / ((0.6 if light.past == 0.0 else 0.06) + r * r)
         lit = np.flatnonzero((strength * light.power > 0.006) & (r < light.reach) & (r > light.past))
         if len(lit):
             # A ray as long as the way to the light; its last stretch is left out, where the lamp itself is.
-            free = ~caster.blocked(origin[lit], to[lit] * (1.0 - light.past / r[lit])[:, None], 0.97)
-            total[lit] += strength[lit] * free
+            way = to[lit] * (1.0 - light.past / r[lit])[:, None]
+            total[near[lit]] += strength[lit] * ~caster.blocked(origin[near[lit]], way, 0.97)
     return total * light.power / len(light.points)
 
 
