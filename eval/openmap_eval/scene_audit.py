@@ -27,6 +27,7 @@ STRUCTURE = frozenset(
         "window",
         "door",
         "door frame",
+        "balcony door",
         "front door",
         "doorway",
         "unlabelled",
