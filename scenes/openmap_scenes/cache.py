@@ -286,7 +286,8 @@ def _code_digest() -> str:
     """The digest of every file of this package, so that a reader that was changed never gives what the old one gave."""
     package, hasher = Path(__file__).parent, hashlib.blake2b(digest_size=16)
     for file in sorted(package.rglob("*")):
-        if file.suffix != ".pyc" and file.is_file():
+        # What Python and numba compile appears while the package is at work.
+        if "__pycache__" not in file.relative_to(package).parts and file.is_file():
             with suppress(OSError):  # an editor's file of a moment
                 hasher.update(file.relative_to(package).as_posix().encode() + b"\0" + file.read_bytes() + b"\0")
     return hasher.hexdigest()

@@ -434,6 +434,17 @@ def test_unchanged_files_are_not_hashed_again(
     assert reader.calls == 1
 
 
+def test_what_is_compiled_meanwhile_is_no_other_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "formats" / "__pycache__").mkdir(parents=True)
+    (tmp_path / "formats" / "ply.py").write_text("pass")
+    monkeypatch.setattr(cache_module, "__file__", str(tmp_path / "cache.py"))
+    digest = cache_module._code_digest()
+    (tmp_path / "formats" / "__pycache__" / "ply._walk-192.py311.nbi").write_bytes(b"compiled")
+    assert cache_module._code_digest() == digest
+    (tmp_path / "formats" / "ply.py").write_text("...")
+    assert cache_module._code_digest() != digest
+
+
 def test_changed_code_never_gives_what_old_code_gave(
     toy_scene: Scene, cache_folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
