@@ -46,7 +46,7 @@ def furnish_bathroom(f: Furnisher) -> None:
         f.wall("bidet")
     if "laundry room" not in space.plan.kinds:
         f.tops(f.wall("washing machine", corner=True, height=1.1), LINEN, 2)
-    shelf = f.wall("shelves", "bathroom cabinet", "cabinet", width=0.8, depth=0.45)
+    shelf = f.bare_shelf("bathroom cabinet", width=0.8)
     f.shelved(shelf, LINEN, 4)
     if shelf is not None and shelf.high[1] < 1.5:
         f.tops(shelf, LINEN, 2)
@@ -92,7 +92,7 @@ def furnish_laundry(f: Furnisher) -> None:
             item = f.space.hang(board, 1.5, side, [along, along + 0.2, along - 0.2])
             f.tops(item, LINEN, 2)
     f.wall("washbasin", "utility sink", "kitchen sink", width=0.8)
-    shelf = f.wall("shelves", "cupboard", "cabinet", width=1.0, depth=0.5)
+    shelf = f.bare_shelf("cupboard", "cabinet", width=1.0)
     f.shelved(shelf, LINEN, 4)
     if shelf is not None and shelf.high[1] < 1.6:
         f.tops(shelf, LINEN, 2)

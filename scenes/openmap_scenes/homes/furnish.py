@@ -270,7 +270,9 @@ def _hall(f: Furnisher) -> None:
     f.wall("coat rack", "coat stand", "clothes rack", corner=True, width=0.7, depth=max(deep, 0.45))
     if deep > 0.42:
         f.wall("wardrobe", "cupboard", depth=0.65, width=1.4)
-    f.wall("bench", "stool", "chair", "trunk", depth=deep)
+    f.wall("bench", "chair", "trunk", depth=deep)
+    for _ in range(2 if max(space.rect.width, space.rect.depth) > 4 else 0):
+        f.hung(stock.get("wall lamp", height=0.5), 1.6, clear=0.3)
     for _ in range(2):
         f.wall(
             "umbrella", "umbrella stand", "sneakers", "shoes", "backpack", "suitcase", "skateboard", "fire extinguisher",
@@ -315,7 +317,7 @@ def _kitchen(f: Furnisher) -> None:
     f.wall("trash can", "recycling bin", "wastebasket", corner=True, width=0.6)
     if "laundry room" not in f.space.plan.kinds and f.chance(0.4):
         f.wall("washing machine", "chest freezer", width=0.9, corner=True)
-    shelf = f.wall("shelves", "cupboard", "glass cabinet", "sideboard", width=1.2, depth=0.55)
+    shelf = f.bare_shelf("cupboard", "glass cabinet", "sideboard", width=1.2)
     f.shelved(shelf, ("jar", "bowl", "pot", "plate", "basket", "teapot", "bottle", "box", "mug", "wine bottle"), 5)
     if shelf is not None and shelf.high[1] < 1.5:
         f.tops(shelf, ("radio", "basket", "jar", "fruit bowl", *SMALL_PLANTS), 2)

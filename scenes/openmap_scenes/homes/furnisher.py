@@ -46,6 +46,12 @@ class Furnisher:
                 return item
         return None
 
+    def bare_shelf(self, *others: str, width: float) -> Item | None:
+        """Shelves without books, which those made by rule have, or one of the other kinds, against a wall."""
+        shelf = self.stock.get("shelves", made=False, width=width, depth=0.5) if self.chance(0.6) else None
+        item = self.space.against_wall(shelf) if shelf is not None else None
+        return item or self.wall(*others, width=width, depth=0.55)
+
     def tops(self, support: Item | None, kinds: tuple[str, ...], most: int, back: bool = False) -> list[Item]:
         """Up to ``most`` different small things on a support."""
         placed: list[Item] = []

@@ -223,13 +223,6 @@ class RoomSpace:
                 return item
         return None
 
-    def facing(self, thing: Thing, anchor: Item, distance: float, rest: bool = False) -> Item | None:
-        """Stand a thing before an anchor, turned as it is, ``distance`` m of floor between them."""
-        size = thing.model.size
-        reach = anchor.half_depth + distance + size[2] / 2
-        middle = anchor.middle + anchor.front * reach
-        return self.put(Item(thing, np.array([middle[0], 0.0, middle[1]]), anchor.angle, self.room), rest=rest)
-
     def around(self, thing: Thing, table: Item, most: int, tuck: float = 0.0) -> list[Item]:
         """Chairs around a table, their fronts to it, pushed under it by up to ``tuck`` m: along its long sides first."""
         width, _, depth = thing.model.size
@@ -339,7 +332,8 @@ class RoomSpace:
             near = abs((item.low if side.inward > 0 else item.high)[2 if side.axis == "x" else 0] - side.at) < 0.5
             low, high = (item.low[0], item.high[0]) if side.axis == "x" else (item.low[2], item.high[2])
             for o in self.plan.on_side(side) if near else []:
-                if o.kind == "window" and item.high[1] > o.sill + 0.12 and low < o.end and high > o.start:
+                # Sill and casing reach a little further than the opening.
+                if o.kind == "window" and item.high[1] > o.sill - 0.01 and low < o.end + 0.08 and high > o.start - 0.08:
                     return True
         return False
 
