@@ -41,6 +41,7 @@ def test_nearly_everything_can_be_seen_from_somewhere(audit: dict[str, Any]) -> 
 
 
 def test_the_summary_tells_the_worst(audits: list[dict[str, Any]]) -> None:
+    clean = sum(len(a["clashes"]) for a in audits)
     spoilt = [
         audits[0]
         | {"clashes": [*audits[0]["clashes"], "a / b"], "visible": 0.5, "hidden": ["pea (3 px)"], "same_bytes": False},
