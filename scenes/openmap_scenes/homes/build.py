@@ -10,15 +10,17 @@ import numpy as np
 
 from openmap_scenes.errors import DataError
 from openmap_scenes.homes.assemble import assemble
+from openmap_scenes.homes.bodies import Body, meetings
 from openmap_scenes.homes.furnish import furnish_room, missing
 from openmap_scenes.homes.items import Item
 from openmap_scenes.homes.kinds import SPLITS
-from openmap_scenes.homes.placement import turn_of
+from openmap_scenes.homes.placement import RoomSpace, turn_of
 from openmap_scenes.homes.plan import Plan, make_plan
 from openmap_scenes.homes.shell import Piece, build_shell
 from openmap_scenes.homes.sight import drop_unseen
 from openmap_scenes.homes.stock import Stock
 from openmap_scenes.homes.walk import standing_places
+from openmap_scenes.homes.wishes import NEEDS
 from openmap_scenes.scene import Scene
 
 # A home with less than this in a room, or with fewer kinds, looks as if people had moved out.
@@ -79,20 +81,50 @@ def draw_home(split: str, seed: int, folder: Path | None = None) -> Drawn:
         rng = np.random.default_rng([key, attempt])
         plan = make_plan(rng)
         stock = Stock(split, rng, folder)
-        rooms = [furnish_room(plan, room, stock, rng) for room in range(len(plan.names))]
+        # A room that lacks a bed or a stove is drawn anew with its home, but not for ever.
+        rooms = _furnished(plan, stock, rng, complete=attempt < 6)
+        if rooms is None:
+            continue
         items = [item for space in rooms for item in space.items]
         enough = 1.0 if stock.full else 0.5
         if len(items) < enough * MIN_OBJECTS * len(rooms) or len({i.thing.kind for i in items}) < enough * MIN_KINDS:
-            continue
-        # A room that lacks a bed or a stove is drawn anew, but not for ever.
-        if attempt < 6 and any(missing(space, stock) for space in rooms):
             continue
         places = standing_places(plan, items)
         if places is None:
             continue
         shell = build_shell(plan, rng, _counters(plan, items))
-        return Drawn(plan, shell, drop_unseen(items, shell, places), rng)
+        return Drawn(plan, shell, drop_unseen(apart(items, shell), shell, places), rng)
     raise RuntimeError(f"no home for {split}/{seed} in 20 attempts: the furniture library may be incomplete")
+
+
+def apart(items: list[Item], shell: list[Piece]) -> list[Item]:
+    """The items without those that run into the building or into a larger item, and without what stands on those."""
+    walls = [Body(piece.mesh.vertices, piece.mesh.faces) for piece in shell]
+    bears = {id(item.support) for item in items}
+    size = [(id(item) in bears, float(np.prod(item.high - item.low))) for item in items]
+    gone: set[int] = set()
+    for i, j in meetings([item.body for item in items], walls):
+        if j >= len(items):
+            gone.add(id(items[i]))
+        elif not {id(items[i]), id(items[j])} & gone:
+            gone.add(id(items[i] if size[i] < size[j] else items[j]))
+    kept = []
+    for item in items:
+        if id(item) in gone or id(item.support) in gone:
+            gone.add(id(item))
+        else:
+            kept.append(item)
+    return kept
+
+
+def _furnished(plan: Plan, stock: Stock, rng: np.random.Generator, complete: bool) -> list[RoomSpace] | None:
+    """All rooms by their number, furnished from the most demanding kind on; None as soon as one of ``complete`` ones lacks."""
+    rooms: dict[int, RoomSpace] = {}
+    for room in sorted(range(len(plan.names)), key=lambda k: (-len(NEEDS[plan.kinds[k]]), k)):
+        rooms[room] = furnish_room(plan, room, stock, rng, complete)
+        if complete and missing(rooms[room], stock):
+            return None
+    return [rooms[room] for room in range(len(rooms))]
 
 
 def _counters(plan: Plan, items: list[Item]) -> dict[int, set[int]]:

@@ -6,6 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from openmap_scenes.homes.models import Model
+from openmap_scenes.homes.vectors import doubled_areas
 
 WORDS = (
     "black", "white", "grey", "red", "orange", "yellow", "green", "turquoise", "blue", "purple", "pink", "brown", "beige",
@@ -38,10 +39,8 @@ def colour_words(rgb: npt.NDArray[np.floating]) -> npt.NDArray[np.int64]:
 
 def model_colour(model: Model) -> str:
     """The word that covers most of a model's surface, textures counted pixel by pixel."""
-    a, b, c = (model.vertices[model.faces[:, k]].astype(np.float64) for k in range(3))
-    area = np.bincount(
-        model.face_material, np.linalg.norm(np.cross(b - a, c - a), axis=1), minlength=len(model.materials)
-    )
+    size = doubled_areas(model.vertices.astype(np.float64), model.faces)
+    area = np.bincount(model.face_material, size, minlength=len(model.materials))
     votes = np.zeros(len(WORDS))
     for material, weight in zip(model.materials, area, strict=True):
         colours = material.colour[None].astype(np.float64)

@@ -43,12 +43,15 @@ from openmap_scenes.homes.wishes import (
 TRIES = 4
 
 
-def furnish_room(plan: Plan, room: int, stock: Stock, rng: np.random.Generator) -> RoomSpace:
-    """Furnish one room by the rules of its kind; the first draw with all that it needs, or else the one that lacks least."""
+def furnish_room(plan: Plan, room: int, stock: Stock, rng: np.random.Generator, complete: bool = False) -> RoomSpace:
+    """Furnish one room by the rules of its kind; the first draw with all that it needs, or else the one that lacks least.
+
+    Where only a ``complete`` one will do, kitchens that lack their sink or stove are left as they are.
+    """
     best: tuple[tuple[int, int], RoomSpace] | None = None
     for _ in range(TRIES):
         space = RoomSpace(plan, room, rng)
-        f = Furnisher(space, stock, rng)
+        f = Furnisher(space, stock, rng, complete)
         RULES[space.kind](f)
         f.ceiling()
         lacks = missing(space, stock)
@@ -300,6 +303,8 @@ def _hall(f: Furnisher) -> None:
 
 def _kitchen(f: Furnisher) -> None:
     furnish_kitchen(f)
+    if f.complete and missing(f.space, f.stock):
+        return
     apart = "dining room" in f.space.plan.kinds
     table = None
     if f.space.area > 8.5 and (not apart or f.chance(0.4)):
@@ -339,6 +344,8 @@ def _studio(f: Furnisher) -> None:
         bed = space.against_wall(thing, corner=True) if thing is not None else None
         if bed is not None:
             break
+    if f.complete and missing(space, stock):
+        return
     if bed is not None:
         bedside(f, bed)
         f.cushions(bed, 1)

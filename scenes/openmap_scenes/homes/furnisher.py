@@ -20,11 +20,12 @@ CURTAIN_OFF = 0.06
 
 @dataclass(frozen=True)
 class Furnisher:
-    """A room, the stock, and the random choices: what every rule needs."""
+    """A room, the stock, and the random choices: what every rule needs; whether a room that lacks something is of no use."""
 
     space: RoomSpace
     stock: Stock
     rng: np.random.Generator
+    complete: bool = False
 
     def chance(self, probability: float) -> bool:
         """True that often."""
@@ -208,7 +209,8 @@ class Furnisher:
         """Curtains of one cloth at the windows, all to the floor where it is free, or all to the sill."""
         if not self.chance(chance):
             return
-        top = min(self.space.ceiling - 0.06, 2.45)
+        # Below the cornice.
+        top = min(self.space.ceiling - 0.1, 2.45)
         seed, long = int(self.rng.integers(2**31)), self.chance(0.5)
         for side, o in ((s, o) for s, o in self.windows() if o.kind == "window"):
             to_sill, to_floor = top - o.sill + 0.05, top - 0.03

@@ -1,4 +1,4 @@
-"""Things, and things in their places: boxes, what stands on them and in them, and whether two run into each other."""
+"""Things, and things in their places: boxes, what stands on them and in them."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
+from openmap_scenes.homes.bodies import Body
 from openmap_scenes.homes.models import Model
 from openmap_scenes.homes.plan import Rect
 from openmap_scenes.homes.rays import RayCaster
@@ -44,7 +45,7 @@ class Item:
     low: npt.NDArray[np.float64] = field(init=False)
     high: npt.NDArray[np.float64] = field(init=False)
     support: Item | None = field(init=False, default=None, repr=False)
-    _caster: RayCaster | None = field(init=False, default=None, repr=False)
+    _body: Body | None = field(init=False, default=None, repr=False)
 
     def __post_init__(self) -> None:
         world = self.world(self.thing.model.vertices)
@@ -73,9 +74,14 @@ class Item:
     @property
     def caster(self) -> RayCaster:
         """Casts rays against it where it stands."""
-        if self._caster is None:
-            self._caster = RayCaster(self.world(self.thing.model.vertices), self.thing.model.faces)
-        return self._caster
+        return self.body.caster
+
+    @property
+    def body(self) -> Body:
+        """Its triangles where it stands."""
+        if self._body is None:
+            self._body = Body(self.world(self.thing.model.vertices), self.thing.model.faces)
+        return self._body
 
     @property
     def rotation(self) -> npt.NDArray[np.float64]:
@@ -111,28 +117,6 @@ class Item:
         if not np.isfinite(hit).all() or np.ptp(hit) > level:
             return None
         return float(y - hit.min())
-
-
-def run_together(a: Item, b: Item, tolerance: float = 0.008) -> bool:
-    """Whether an edge of one goes through a face of the other and sticks out by more than ``tolerance`` m at both ends."""
-    low, high = np.maximum(a.low, b.low) - 1e-3, np.minimum(a.high, b.high) + 1e-3
-    if np.any(high < low):
-        return False
-    for edges_of, faces_of in ((a, b), (b, a)):
-        world = edges_of.world(edges_of.thing.model.vertices)
-        pairs = np.unique(np.sort(edges_of.thing.model.faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1), axis=0)
-        start, end = world[pairs[:, 0]], world[pairs[:, 1]]
-        near = np.all((np.minimum(start, end) <= high) & (np.maximum(start, end) >= low), axis=1)
-        start, way = start[near], (end - start)[near]
-        if len(start) == 0:
-            continue
-        for origin, ray in ((start, way), (start + way, -way)):
-            t, length = faces_of.caster.distance(origin, ray), np.linalg.norm(way, axis=1)
-            t = np.where(np.isfinite(t), t, -1.0)
-            crosses = (t * length > tolerance) & ((1.0 - t) * length > tolerance)
-            if crosses.any():
-                return True
-    return False
 
 
 def shelf_boards(shelf: Item) -> list[tuple[float, float, float, float]]:

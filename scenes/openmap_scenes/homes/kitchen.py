@@ -13,6 +13,7 @@ from openmap_scenes.homes.rays import RayCaster
 # A counter's height and depth, m; units of different makers are brought to them so that the worktop runs on.
 HEIGHT, DEPTH = 0.9, 0.62
 BASES = ("kitchen cabinet", "kitchen drawers")
+SINKS = ("kitchen sink", "washbasin")
 HOT = ("stove", "double oven", "oven")
 COUNTER = (
     "microwave", "toaster", "kettle", "coffee maker", "coffee machine", "blender", "knife block", "cutting board", "bread",
@@ -44,6 +45,9 @@ def furnish_kitchen(f: Furnisher, longest: float = 9.0) -> list[Item]:
     for unit in units:
         item = space.against_wall(unit, tries=120)
         placed += [item] if item is not None else []
+    for kinds in (SINKS, HOT):
+        if not any(p.thing.kind in kinds for p in placed):
+            placed += _narrower(f, kinds)
     _above(f, placed)
     _on_counter(f, [p for p in placed if p.thing.kind in BASES or p.thing.kind == "dishwasher"])
     sink = next((p for p in placed if p.thing.kind == "kitchen sink"), None)
@@ -51,6 +55,16 @@ def furnish_kitchen(f: Furnisher, longest: float = 9.0) -> list[Item]:
     stove = next((p for p in placed if p.thing.kind == "stove"), None)
     f.tops(stove, ("pot", "pan", "kettle", "moka pot"), 2)
     return placed
+
+
+def _narrower(f: Furnisher, kinds: tuple[str, ...]) -> list[Item]:
+    """What did not fit as wide as it was wanted: one of the kinds as wide as some wall allows, or nothing."""
+    for width in (1.0, 0.8, 0.62):
+        thing = f.stock.get(*kinds, width=width, depth=0.75, height=1.5)
+        item = f.space.against_wall(thing, tries=80) if thing is not None else None
+        if item is not None:
+            return [item]
+    return []
 
 
 def _on_counter(f: Furnisher, counters: list[Item]) -> None:

@@ -10,7 +10,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.ndimage import label
 
-from openmap_scenes.homes.items import Item, Thing, open_to_front, run_together, shelf_boards
+from openmap_scenes.homes.bodies import run_together
+from openmap_scenes.homes.items import Item, Thing, open_to_front, shelf_boards
 from openmap_scenes.homes.plan import CLEARANCE, DOOR_HEIGHT, Opening, Plan, Rect, Side
 
 CELL = 0.05
@@ -19,6 +20,9 @@ BODY_HEIGHT = 1.5
 # A body of 0.2 m with some air, so that a mesh's own navigable surface agrees.
 KEEP_FREE = 0.26
 GAP = 0.01
+# Below this height, m, walls have a skirting.
+LOW = 0.15
+SKIRTING = 0.0085
 
 
 def turn_of(side: Side) -> float:
@@ -78,17 +82,18 @@ class RoomSpace:
                 return None
             self.items.append(item)
             return item
-        if not self._inside(item) or high[1] > self.ceiling + 1e-6:
+        margin = SKIRTING if low[1] < LOW and not drape else 0.0
+        if not self._inside(item, margin) or high[1] > self.ceiling + 1e-6:
             return None
         for other in self.items:
             if self._flat(other):
                 continue
             if other is support:
-                if np.minimum(high, other.high)[1] - low[1] > 0.01 and run_together(item, other):
+                if np.minimum(high, other.high)[1] - low[1] > 0.01 and run_together(item.body, other.body):
                     return None
                 continue
             if np.all(np.minimum(high, other.high) - np.maximum(low, other.low) > 0.003) and (
-                other is not under or run_together(item, other)
+                other is not under or run_together(item.body, other.body)
             ):
                 return None
         if low[1] < DOOR_HEIGHT and any(item.footprint.overlaps(leaf) for leaf in self.leaves):
@@ -155,7 +160,8 @@ class RoomSpace:
                 for o in self.plan.on_side(side)
             ):
                 continue
-            x, z = side.point(centre, depth / 2 + off)
+            # What hangs down to the skirting keeps clear of it.
+            x, z = side.point(centre, depth / 2 + (off if height > LOW else max(off, GAP)))
             item = Item(thing, np.array([x, height, z]), turn_of(side), self.room)
             if clear > 0.0 and self._crowded(item, side, clear):
                 continue
@@ -182,7 +188,7 @@ class RoomSpace:
             if np.any((item.low < shelf.low - 1e-3)[[0, 2]]) or np.any((item.high > shelf.high + 1e-3)[[0, 2]]):
                 continue
             stands = shelf.height_below(item.footprint, height + room / 2, 0.008)
-            if stands is None or abs(stands - height) > 0.01 or run_together(item, shelf, 0.004):
+            if stands is None or abs(stands - height) > 0.01 or run_together(item.body, shelf.body, 0.004):
                 continue
             if not open_to_front(item, shelf):
                 continue
@@ -323,8 +329,8 @@ class RoomSpace:
         z = np.searchsorted(self._z, [rect.z0 - margin, rect.z1 + margin])
         return slice(int(z[0]), int(z[1])), slice(int(x[0]), int(x[1]))
 
-    def _inside(self, item: Item) -> bool:
-        r, f = self.rect, item.footprint
+    def _inside(self, item: Item, margin: float = 0.0) -> bool:
+        r, f = self.rect.shrunk(margin), item.footprint
         return f.x0 >= r.x0 - 1e-6 and f.z0 >= r.z0 - 1e-6 and f.x1 <= r.x1 + 1e-6 and f.z1 <= r.z1 + 1e-6
 
     def _stands_before_window(self, item: Item) -> bool:

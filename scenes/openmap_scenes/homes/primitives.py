@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
+import math
+from functools import lru_cache
+
 import numpy as np
 import numpy.typing as npt
 
 from openmap_scenes.homes import textures
 from openmap_scenes.homes.models import Model
+from openmap_scenes.homes.vectors import cross
 from openmap_scenes.scene import Material
 
 # Corners of the unit square of each face of a box: (normal axis, sign, u axis, u sign, v axis); v points down in uv.
@@ -63,12 +68,11 @@ def panel(
     step: float,
 ) -> Model:
     """A rectangle from ``origin`` (its lower left corner, m) along u and v, its texture once over it, split to ``step`` m."""
-    nu = max(1, int(np.ceil(np.linalg.norm(u) / step - 1e-6)))
-    nv = max(1, int(np.ceil(np.linalg.norm(v) / step - 1e-6)))
-    s, t = (g.reshape(-1) for g in np.meshgrid(np.linspace(0, 1, nu + 1), np.linspace(0, 1, nv + 1)))
+    nu, nv = (max(1, math.ceil(math.sqrt(float(e @ e)) / step - 1e-6)) for e in (u, v))
+    s, t = _square(nu, nv)
     vertices = origin + s[:, None] * u + t[:, None] * v
     faces = grid_faces(nu, nv)
-    if np.dot(np.cross(u, v), normal) < 0:
+    if float(cross(u, v) @ normal) < 0:
         faces = faces[:, ::-1]
     return Model(
         vertices.astype(np.float32),
@@ -80,11 +84,25 @@ def panel(
     )
 
 
+@lru_cache(maxsize=2048)
+def _square(nu: int, nv: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
+    """u and v, 0..1, of the vertices of a grid."""
+    s, t = np.meshgrid(np.linspace(0, 1, nu + 1), np.linspace(0, 1, nv + 1))
+    return s.reshape(-1), t.reshape(-1)
+
+
 def grid_faces(nu: int, nv: int) -> npt.NDArray[np.int32]:
     """Triangles of an (nv + 1) x (nu + 1) grid of vertices, row by row; counter-clockwise for v to the left of u."""
+    return _grid_faces(int(nu), int(nv))
+
+
+@lru_cache(maxsize=2048)
+def _grid_faces(nu: int, nv: int) -> npt.NDArray[np.int32]:
     i = (np.arange(nv)[:, None] * (nu + 1) + np.arange(nu)).reshape(-1)
     a, b, c, d = i, i + 1, i + nu + 2, i + nu + 1
-    return np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]).astype(np.int32)
+    faces = np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)]).astype(np.int32)
+    faces.flags.writeable = False
+    return faces
 
 
 def merge(models: list[Model]) -> Model:
@@ -98,7 +116,9 @@ def merge(models: list[Model]) -> Model:
                 index[id(m)] = len(materials)
                 materials.append(m)
         face_material.append(np.array([index[id(m)] for m in model.materials], np.int32)[model.face_material])
-    offsets = np.cumsum([0] + [len(m.vertices) for m in models[:-1]])
+    if len(models) == 1:
+        return models[0]
+    offsets = list(itertools.accumulate((len(m.vertices) for m in models[:-1]), initial=0))
     return Model(
         np.concatenate([m.vertices for m in models]),
         np.concatenate([m.normals for m in models]),

@@ -22,6 +22,14 @@ class RayCaster:
         """How far, in lengths of ``way`` (N, 3), the first hit lies from ``origin`` (N, 3); inf = none. (N,)."""
         return np.asarray(self._scene.cast_rays(self._rays(origin, way))["t_hit"].numpy(), np.float32)
 
+    def first_hit(
+        self, origin: npt.NDArray[np.floating], way: npt.NDArray[np.floating]
+    ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int64]]:
+        """``distance`` and ``first_face`` at once."""
+        hit = self._scene.cast_rays(self._rays(origin, way))
+        face = hit["primitive_ids"].numpy().astype(np.int64)
+        return hit["t_hit"].numpy(), np.where(face == int(self._scene.INVALID_ID), -1, face)
+
     def first_face(self, origin: npt.NDArray[np.floating], way: npt.NDArray[np.floating]) -> npt.NDArray[np.int64]:
         """The face that a ray from ``origin`` (N, 3) along ``way`` (N, 3) meets first; -1 = none. (N,)."""
         hit = self._scene.cast_rays(self._rays(origin, way))["primitive_ids"].numpy().astype(np.int64)

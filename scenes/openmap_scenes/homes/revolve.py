@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from openmap_scenes.homes.models import Model
 from openmap_scenes.homes.primitives import grid_faces, merge
+from openmap_scenes.homes.vectors import cross, doubled_areas, gradient, lengths
 from openmap_scenes.scene import Material
 
 Array = npt.NDArray[np.float64]
@@ -26,23 +27,22 @@ def grid(points: Array, material: Material, uv: Array | None = None) -> Model:
     ``uv`` (nv + 1, nu + 1, 2) is 0..1 along u and 1..0 along v where None. Triangles without area (at poles) are left out.
     """
     nv, nu = points.shape[0] - 1, points.shape[1] - 1
-    normal = np.cross(_slope(points, 1), _slope(points, 0))
-    length = np.linalg.norm(normal, axis=2)
+    normal = cross(_slope(points, 1), _slope(points, 0))
+    length = lengths(normal)
     poles = length < 1e-6 * max(float(length.max()), 1e-12)
     for row, inner in ((0, 1), (-1, -2)):
         if poles[row].all():
             normal[row] = normal[inner, :-1].mean(0)
     # Single corners where the surface has no width look where their row looks.
-    lone = np.linalg.norm(normal, axis=2) < 1e-12
+    lone = lengths(normal) < 1e-12
     if lone.any():
         normal[lone] = np.broadcast_to(normal.sum(1, keepdims=True), normal.shape)[lone]
-    normal /= np.maximum(np.linalg.norm(normal, axis=2, keepdims=True), 1e-15)
+    normal /= np.maximum(lengths(normal), 1e-15)[..., None]
     if uv is None:
-        s, t = np.meshgrid(np.linspace(0, 1, nu + 1), np.linspace(1, 0, nv + 1))
-        uv = np.stack([s, t], 2)
+        uv = np.empty((nv + 1, nu + 1, 2))
+        uv[..., 0], uv[..., 1] = np.linspace(0, 1, nu + 1), np.linspace(1, 0, nv + 1)[:, None]
     faces, flat = grid_faces(nu, nv), points.reshape(-1, 3)
-    a, b, c = (flat[faces[:, k]] for k in range(3))
-    faces = faces[np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-13]
+    faces = faces[doubled_areas(flat, faces) > 1e-13]
     return _model(points, normal, uv, faces, material)
 
 
@@ -59,13 +59,14 @@ def _model(points: Array, normals: Array, uv: Array, faces: npt.NDArray[np.int32
 
 def _slope(points: Array, axis: int) -> Array:
     """Differences along a side of the grid, across the seam where it is closed."""
-    p = np.moveaxis(points, axis, 0)
+    p = points.swapaxes(0, axis)
     if len(p) > 2 and float(np.abs(p[0] - p[-1]).max()) < 1e-9:
-        d = np.roll(p[:-1], -1, 0) - np.roll(p[:-1], 1, 0)
-        d = np.concatenate([d, d[:1]])
+        d = np.empty_like(p)
+        d[1:-2], d[-2], d[0] = p[2:-1] - p[:-3], p[0] - p[-3], p[1] - p[-2]
+        d[-1] = d[0]
     else:
-        d = np.gradient(p, axis=0)
-    return np.asarray(np.moveaxis(d, 0, axis))
+        d = gradient(p)
+    return d.swapaxes(0, axis)
 
 
 def lathe(
@@ -103,8 +104,7 @@ def _ring_band(q: Array, tangent: Array, along: Array, phi: Array, u: Array, mat
     uv = np.stack(np.broadcast_arrays(u[None], along[:, None]), 2)
     faces = grid_faces(len(phi) - 1, len(q) - 1)
     flat = points.reshape(-1, 3)
-    a, b, c = (flat[faces[:, k]] for k in range(3))
-    faces = faces[np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-13]
+    faces = faces[doubled_areas(flat, faces) > 1e-13]
     return _model(points, normals, uv, faces, material)
 
 
@@ -180,7 +180,7 @@ def _frames(p: Array, closed: bool) -> tuple[Array, Array]:
         normal[k] = current
     if closed:
         normal[-1] = normal[0]
-    return normal, np.cross(tangent, normal)
+    return normal, cross(tangent, normal)
 
 
 def ellipsoid(
@@ -235,7 +235,7 @@ def soft_box(
         p[..., axis], p[..., u_axis], p[..., v_axis] = sign * half[axis], u, v
         core = np.clip(p, -half + r, half - r)
         out = p - core
-        normal = out / np.linalg.norm(out, axis=2, keepdims=True)
+        normal = out / lengths(out)[..., None]
         points = core + r * normal + (lo + hi) / 2
         uv = np.stack([0.5 + u_sign * u / (2 * half[u_axis]), 0.5 - v_sign * v / (2 * half[v_axis])], 2)
         if puff > 0.0:
@@ -287,13 +287,13 @@ def leaf(
     Its two sides share their edge and part in the middle by a millimetre, so that the surface is closed.
     """
     w = np.asarray(width, np.float64)[:, None] / 2
-    tangent = np.gradient(spine, axis=0)
+    tangent = gradient(spine)
     tangent /= np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), 1e-12)
-    side = np.cross(tangent, np.asarray(up, np.float64))
+    side = cross(tangent, np.asarray(up, np.float64))
     short = np.linalg.norm(side, axis=1) < 0.05
-    side[short] = np.cross(tangent[short], [0.3, 0.1, 0.95])
+    side[short] = cross(tangent[short], np.array([0.3, 0.1, 0.95]))
     side /= np.maximum(np.linalg.norm(side, axis=1, keepdims=True), 1e-12)
-    over = np.cross(side, tangent)
+    over = cross(side, tangent)
     left, right = spine - w * side + fold * w * over, spine + w * side + fold * w * over
     # Rows go across the blade: u from left to right, v along the spine.
     thick = np.minimum(0.0006, 0.1 * w) * over

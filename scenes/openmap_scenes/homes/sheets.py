@@ -10,6 +10,7 @@ import numpy.typing as npt
 from openmap_scenes.homes.models import Model
 from openmap_scenes.homes.primitives import grid_faces
 from openmap_scenes.homes.rooms import Side
+from openmap_scenes.homes.vectors import area_vectors
 from openmap_scenes.scene import Material
 
 Array = npt.NDArray[np.float64]
@@ -44,8 +45,7 @@ def flat_mesh(
     materials: list[Material],
 ) -> Model:
     """A flat mesh whose faces are turned to ``normal``."""
-    a, b, c = (points[faces[:, k]] for k in range(3))
-    wrong = np.cross(b - a, c - a) @ np.array(normal) < 0
+    wrong = area_vectors(points, faces) @ np.array(normal) < 0
     faces = np.where(wrong[:, None], faces[:, ::-1], faces).astype(np.int32)
     normals = np.broadcast_to(np.array(normal, np.float32), points.shape).copy()
     return Model(

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from openmap_scenes.homes.items import Item
 from openmap_scenes.homes.rays import RayCaster
 from openmap_scenes.homes.shell import Piece
+from openmap_scenes.homes.vectors import cross
 
 # The camera of a searcher: height m, focal length px (640 wide, 90 degrees), and the pixels that make a thing visible, with
 # some to spare for what a grid of rays misses.
@@ -71,9 +72,9 @@ def _views(item: Item, eyes: npt.NDArray[np.float64]) -> tuple[npt.NDArray[np.fl
     ways, cells = [], []
     for eye in eyes:
         z = (centre - eye) / np.linalg.norm(centre - eye)
-        x = np.cross(z, [0.0, 1.0, 0.0])
+        x = cross(z, np.array([0.0, 1.0, 0.0]))
         x /= max(float(np.linalg.norm(x)), 1e-6)
-        y = np.cross(x, z)
+        y = cross(x, z)
         rel = corners - eye
         depth = np.maximum(rel @ z, 0.1)
         u, v = np.clip(rel @ x / depth, -1, 1), np.clip(rel @ y / depth, -0.75, 0.75)

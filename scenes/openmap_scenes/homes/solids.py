@@ -22,6 +22,7 @@ from openmap_scenes.homes.outlines import bent as bent
 from openmap_scenes.homes.outlines import oval as oval
 from openmap_scenes.homes.outlines import rounded_outline as rounded_outline
 from openmap_scenes.homes.primitives import merge
+from openmap_scenes.homes.vectors import area_vectors, cross, doubled_areas, gradient, lengths
 from openmap_scenes.scene import Material
 
 STEP = 0.3
@@ -175,11 +176,10 @@ def _shared_normals(model: Model) -> Floats:
 
 def _accumulated(model: Model, place: npt.NDArray[np.int64], count: int) -> Floats:
     """Unit normals (count, 3): the sum of the area vectors of the faces at each place."""
-    a, b, c = (model.vertices[model.faces[:, k]].astype(np.float64) for k in range(3))
-    area = np.cross(b - a, c - a)
+    area = area_vectors(model.vertices.astype(np.float64), model.faces)
     where = place[model.faces].T.reshape(-1)
-    total = np.stack([np.bincount(where, np.tile(area[:, k], 3), minlength=count) for k in range(3)], 1)
-    return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-12))
+    total: Floats = np.stack([np.bincount(where, np.tile(area[:, k], 3), minlength=count) for k in range(3)], 1)
+    return np.asarray(total / np.maximum(lengths(total), 1e-12)[:, None])
 
 
 def loft(
@@ -215,7 +215,7 @@ def _refined(p: Floats, step: float) -> Floats:
     """More rings where two are further apart than ``step`` m."""
     out = [p[:1]]
     for a, b in itertools.pairwise(p):
-        n = max(1, int(np.ceil(np.linalg.norm(b - a, axis=1).max() / step - 1e-6)))
+        n = max(1, int(np.ceil(lengths(b - a).max() / step - 1e-6)))
         t = (np.arange(1, n + 1) / n)[:, None, None]
         out.append(a + t * (b - a))
     return np.concatenate(out)
@@ -226,29 +226,33 @@ def _band(p: Floats, material: Material, flat: bool) -> Model:
     rings, n = p.shape[:2]
     q = np.concatenate([p, p[:, :1]], 1)
     around = np.concatenate([p[:, 1:], p[:, :1]], 1) - np.concatenate([p[:, -1:], p[:, :-1]], 1)
-    along = np.gradient(p, axis=0)
-    normal = np.cross(along, around)
+    along = gradient(p)
+    normal = cross(along, around)
     # At a tip there is no way around: its neighbours' way does.
     for end, inner in ((0, 1), (-1, -2)):
-        if np.linalg.norm(around[end], axis=1).max() < 1e-9:
-            normal[end] = np.cross(p[inner] - p[end], around[inner]) * (1 if end == 0 else -1)
+        if lengths(around[end]).max() < 1e-9:
+            normal[end] = cross(p[inner] - p[end], around[inner]) * (1 if end == 0 else -1)
             normal[end] = normal[end].mean(0)
-    length = np.linalg.norm(normal, axis=2, keepdims=True)
-    normal = normal / np.maximum(length, 1e-15)
+    normal = normal / np.maximum(lengths(normal), 1e-15)[..., None]
     normal = np.concatenate([normal, normal[:, :1]], 1)
     if flat and np.abs(normal[..., 1]).mean() > 0.85:
         uv = q[..., [0, 2]] / TILE
     else:
-        u = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(p, axis=0), axis=2).mean(1))])
-        girth = np.linalg.norm(np.diff(q, axis=1), axis=2).max(0)
+        u = np.concatenate([[0.0], np.cumsum(lengths(p[1:] - p[:-1]).mean(1))])
+        girth = lengths(q[:, 1:] - q[:, :-1]).max(0)
         v = np.concatenate([[0.0], np.cumsum(girth)])
         uv = np.stack(np.broadcast_arrays(u[:, None], v[None]), -1) / TILE
-    i = np.arange((rings - 1) * (n + 1)).reshape(rings - 1, n + 1)[:, :-1].reshape(-1)
-    faces = np.concatenate([np.stack([i, i + n + 1, i + 1], 1), np.stack([i + 1, i + n + 1, i + n + 2], 1)])
+    faces = _band_faces(rings, n)
     flatq = q.reshape(-1, 3)
-    a, b, c = (flatq[faces[:, k]] for k in range(3))
-    faces = faces[np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-12]
+    faces = faces[doubled_areas(flatq, faces) > 1e-12]
     return _model(flatq, normal.reshape(-1, 3), uv.reshape(-1, 2) + _shift(p[0, 0]), faces, material)
+
+
+@lru_cache(maxsize=512)
+def _band_faces(rings: int, n: int) -> npt.NDArray[np.int64]:
+    """Triangles of a strip of rings of n + 1 vertices."""
+    i = np.arange((rings - 1) * (n + 1)).reshape(rings - 1, n + 1)[:, :-1].reshape(-1)
+    return np.concatenate([np.stack([i, i + n + 1, i + 1], 1), np.stack([i + 1, i + n + 1, i + n + 2], 1)])
 
 
 def _facing_out(model: Model) -> Model:
@@ -263,7 +267,7 @@ def _facing_out(model: Model) -> Model:
 def signed_volume(model: Model) -> float:
     """Volume that the faces hold, m3; negative where they look inwards."""
     a, b, c = (model.vertices[model.faces[:, k]].astype(np.float64) for k in range(3))
-    return float((a * np.cross(b, c)).sum() / 6.0)
+    return float((a * cross(b, c)).sum() / 6.0)
 
 
 def sweep(
@@ -281,7 +285,7 @@ def sweep(
     """
     p, s = np.asarray(path, np.float64), np.asarray(section, np.float64)
     s = np.broadcast_to(s, (len(p), *s.shape[-2:]))
-    way = np.gradient(p, axis=0)
+    way = gradient(p)
     way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-12)
     v = np.array(up, np.float64)
     rings = []
@@ -290,7 +294,7 @@ def sweep(
         if np.linalg.norm(v) < 1e-6:
             v = np.roll(way[k], 1) - way[k] * float(np.roll(way[k], 1) @ way[k])
         v = v / np.linalg.norm(v)
-        rings.append(p[k] + s[k][:, :1] * np.cross(v, way[k]) + s[k][:, 1:] * v)
+        rings.append(p[k] + s[k][:, :1] * cross(v, way[k]) + s[k][:, 1:] * v)
     return loft(np.array(rings), material, {0, len(p) - 1} - {0}, step, flat=False)
 
 

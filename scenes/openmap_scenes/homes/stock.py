@@ -173,7 +173,7 @@ class Stock:
 
     def _thing(self, kind: str, piece: Piece) -> Thing:
         if piece.id not in self._things:
-            model = _pressed(kind, load_model(piece))
+            model = _pressed(kind, _centred(load_model(piece)))
             attributes = {"colour": model_colour(model)} | read_kinds()[piece.id].attributes
             self._things[piece.id] = Thing(
                 kind, model, attributes, piece.id, piece.elevation, piece.surface is not None, piece.credit
@@ -186,6 +186,13 @@ def _pressed(kind: str, model: Model) -> Model:
         return model
     press = np.array([1.0, FLAT_HEIGHT / model.size[1], 1.0], np.float32)
     return replace(model, vertices=model.vertices * press)
+
+
+def _centred(model: Model) -> Model:
+    """Stood on y = 0 with its box centred in x and z: thinning moves the outermost vertices by up to a centimetre."""
+    low, high = model.vertices.min(0), model.vertices.max(0)
+    shift = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2], np.float32)
+    return replace(model, vertices=model.vertices - shift)
 
 
 def own(kind: str, model: Model, **attributes: str) -> Thing:

@@ -7,12 +7,12 @@ import numpy.typing as npt
 
 from openmap_scenes.homes.obj import Surface
 from openmap_scenes.homes.rays import RayCaster
+from openmap_scenes.homes.vectors import area_vectors
 
 
 def face_normals(surface: Surface) -> npt.NDArray[np.float64]:
     """Area vectors (F, 3): the unit normal times twice the area."""
-    a, b, c = (surface.vertices[surface.faces[:, k]] for k in range(3))
-    return np.cross(b - a, c - a)
+    return area_vectors(surface.vertices, surface.faces)
 
 
 def tidy(surface: Surface) -> Surface:
@@ -46,9 +46,7 @@ def thin(surface: Surface, target: int) -> Surface:
 def _cluster(surface: Surface, cell: float) -> Surface:
     low = surface.vertices.min(0)
     cells = np.floor((surface.vertices - low) / cell + 0.5).astype(np.int64)
-    normal, area = np.zeros_like(surface.vertices), face_normals(surface)
-    for k in range(3):
-        np.add.at(normal, surface.faces[:, k], area)
+    normal = _vertex_sums(surface, face_normals(surface))
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
     key = np.ravel_multi_index(tuple(cells.T), tuple((cells.max(0) + 1).tolist()))
     _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
@@ -114,13 +112,17 @@ def corner_normals(surface: Surface, crease: float = 0.75) -> npt.NDArray[np.flo
     """Unit normals per corner (F, 3, 3): smooth over bends, flat where face and mean differ by more than acos(crease)."""
     area = face_normals(surface)
     flat = area / np.maximum(np.linalg.norm(area, axis=1, keepdims=True), 1e-12)
-    total = np.zeros_like(surface.vertices)
-    for k in range(3):
-        np.add.at(total, surface.faces[:, k], area)
+    total = _vertex_sums(surface, area)
     total /= np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-12)
     smooth = total[surface.faces]
     keep = (smooth * flat[:, None]).sum(-1, keepdims=True) > crease
     return np.where(keep, smooth, flat[:, None])
+
+
+def _vertex_sums(surface: Surface, values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """For each vertex the sum (V, 3) of what the faces around it have, values (F, 3)."""
+    where, n = surface.faces.T.reshape(-1), len(surface.vertices)
+    return np.stack([np.bincount(where, np.tile(values[:, k], 3), minlength=n) for k in range(3)], 1)
 
 
 def sphere(n: int) -> npt.NDArray[np.float64]:

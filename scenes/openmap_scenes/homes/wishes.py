@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from openmap_scenes.homes.kitchen import HOT
+from openmap_scenes.homes.kitchen import HOT, SINKS
 
 SOFAS = ("sofa", "corner sofa", "loveseat", "futon", "sofa bed")
 PLANTS = ("potted plant", "ficus", "yucca", "peace lily", "spider plant", "palm", "snake plant", "bamboo plant")
@@ -40,8 +40,8 @@ FILLERS: tuple[tuple[str, ...], ...] = (
 # What each kind of room must have: one of every row.
 NEEDS: dict[str, tuple[tuple[str, ...], ...]] = {
     "living room": (SOFAS, ("television", "wall television", "entertainment center")),
-    "studio": ((*SOFAS, "bed", "day bed"), ("kitchen sink", "washbasin"), HOT, ("bed", "day bed", *SOFAS)),
-    "kitchen": (("kitchen sink", "washbasin"), HOT, ("refrigerator",)),
+    "studio": ((*SOFAS, "bed", "day bed"), SINKS, HOT, ("bed", "day bed", *SOFAS)),
+    "kitchen": (SINKS, HOT, ("refrigerator",)),
     "bedroom": (("bed", "day bed", "captain's bed", "sofa bed"), ("wardrobe", "cupboard", "clothes rack")),
     "children's room": (("child bed", "bunk bed", "crib", "captain's bed", "day bed", "bed"),),
     "bathroom": (
