@@ -41,10 +41,12 @@ def model_colour(model: Model) -> str:
     """The word that covers most of a model's surface, textures counted pixel by pixel."""
     size = doubled_areas(model.vertices.astype(np.float64), model.faces)
     area = np.bincount(model.face_material, size, minlength=len(model.materials))
-    votes = np.zeros(len(WORDS))
-    for material, weight in zip(model.materials, area, strict=True):
-        colours = material.colour[None].astype(np.float64)
+    colours = []
+    for material in model.materials:
+        own = material.colour[None].astype(np.float64)
         if material.texture is not None:
-            colours = colours * material.texture[::4, ::4].reshape(-1, 3) / 255.0
-        votes += weight * np.bincount(colour_words(colours), minlength=len(WORDS)) / len(colours)
+            own = own * material.texture[::4, ::4].reshape(-1, 3) / 255.0
+        colours.append(own)
+    counts = np.array([len(own) for own in colours])
+    votes = np.bincount(colour_words(np.concatenate(colours)), np.repeat(area / counts, counts), minlength=len(WORDS))
     return WORDS[int(votes.argmax())]

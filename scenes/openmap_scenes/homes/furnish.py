@@ -23,7 +23,7 @@ from openmap_scenes.homes.groups import (
     sofa_group,
 )
 from openmap_scenes.homes.items import Item
-from openmap_scenes.homes.kitchen import furnish_kitchen
+from openmap_scenes.homes.kitchen import dress_run, furnish_kitchen, kitchen_run
 from openmap_scenes.homes.placement import RoomSpace
 from openmap_scenes.homes.plan import Plan
 from openmap_scenes.homes.stock import Stock, own
@@ -337,19 +337,21 @@ def _studio(f: Furnisher) -> None:
     space, stock, rng = f.space, f.stock, f.rng
     f.radiator()
     f.curtains()
-    furnish_kitchen(f, longest=3.4)
+    run = kitchen_run(f, longest=3.4)
     bed = None
-    for _ in range(4):
-        thing = stock.get("bed", "day bed", width=1.7, depth=2.3) or stock.get("bed", "sofa bed")
+    for width in (1.7, 1.7, 1.5, 1.2):
+        thing = stock.get("bed", "day bed", width=width, depth=2.3) or stock.get("bed", "sofa bed")
         bed = space.against_wall(thing, corner=True) if thing is not None else None
         if bed is not None:
             break
+    sofa = _sofa(f, 2.0) if bed is None else None
     if f.complete and missing(space, stock):
         return
+    dress_run(f, run)
     if bed is not None:
         bedside(f, bed)
         f.cushions(bed, 1)
-    sofa = _sofa(f, 2.0)
+        sofa = _sofa(f, 2.0)
     if sofa is not None:
         sofa_group(f, sofa)
     f.wall("wardrobe", corner=True, width=1.6)

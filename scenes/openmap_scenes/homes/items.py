@@ -111,9 +111,9 @@ class Item:
         """The same for what lies below a height ``y`` m: a board of a shelf."""
         x = np.linspace(rect.x0, rect.x1, max(3, int(rect.width / 0.02) + 2))
         z = np.linspace(rect.z0, rect.z1, max(3, int(rect.depth / 0.02) + 2))
-        start = np.stack(np.meshgrid(x, z), -1).reshape(-1, 2)
-        origin = np.insert(start, 1, y, axis=1)
-        hit = self.caster.distance(origin, np.broadcast_to([0.0, -1.0, 0.0], origin.shape))
+        origin, way = np.empty((len(z), len(x), 3)), np.zeros((len(z), len(x), 3))
+        origin[..., 0], origin[..., 1], origin[..., 2], way[..., 1] = x, y, z[:, None], -1.0
+        hit = self.caster.distance(origin.reshape(-1, 3), way.reshape(-1, 3))
         if not np.isfinite(hit).all() or np.ptp(hit) > level:
             return None
         return float(y - hit.min())

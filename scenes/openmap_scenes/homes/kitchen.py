@@ -9,12 +9,11 @@ from openmap_scenes.homes.items import Item, Thing
 from openmap_scenes.homes.placement import GAP, RoomSpace, turn_of
 from openmap_scenes.homes.plan import Side
 from openmap_scenes.homes.rays import RayCaster
+from openmap_scenes.homes.wishes import FRIDGE, HOT, NEEDS, SINKS
 
 # A counter's height and depth, m; units of different makers are brought to them so that the worktop runs on.
 HEIGHT, DEPTH = 0.9, 0.62
 BASES = ("kitchen cabinet", "kitchen drawers")
-SINKS = ("kitchen sink", "washbasin")
-HOT = ("stove", "double oven", "oven")
 COUNTER = (
     "microwave", "toaster", "kettle", "coffee maker", "coffee machine", "blender", "knife block", "cutting board", "bread",
     "bread box", "pot", "bowl", "bowl of fruit", "stand mixer", "paper towels", "spice rack", "utensil holder", "teapot",
@@ -25,7 +24,15 @@ COUNTER = (
 
 
 def furnish_kitchen(f: Furnisher, longest: float = 9.0) -> list[Item]:
-    """Put the run down along the wall with the longest free stretch, and things on its counter; returns the base units."""
+    """A kitchen's run and what hangs over it and lies on it; returns the base units."""
+    placed = kitchen_run(f, longest)
+    if not (f.complete and _lacking(f, placed)):
+        dress_run(f, placed)
+    return placed
+
+
+def kitchen_run(f: Furnisher, longest: float = 9.0) -> list[Item]:
+    """Put the base units down along the wall with the longest free stretch, up to ``longest`` m, and on along others."""
     space, rng = f.space, f.rng
     placed: list[Item] = []
     units = _units(f)
@@ -45,26 +52,45 @@ def furnish_kitchen(f: Furnisher, longest: float = 9.0) -> list[Item]:
     for unit in units:
         item = space.against_wall(unit, tries=120)
         placed += [item] if item is not None else []
-    for kinds in (SINKS, HOT):
-        if not any(p.thing.kind in kinds for p in placed):
-            placed += _narrower(f, kinds)
+    for kinds in _lacking(f, placed):
+        placed = _made_room(f, kinds, placed)
+    return placed
+
+
+def dress_run(f: Furnisher, placed: list[Item]) -> None:
+    """Cabinets and a hood above the units, things on their worktops."""
     _above(f, placed)
     _on_counter(f, [p for p in placed if p.thing.kind in BASES or p.thing.kind == "dishwasher"])
     sink = next((p for p in placed if p.thing.kind == "kitchen sink"), None)
     f.tops(sink, ("soap dispenser", "dish rack", "glass", "utensil holder"), 1)
     stove = next((p for p in placed if p.thing.kind == "stove"), None)
     f.tops(stove, ("pot", "pan", "kettle", "moka pot"), 2)
-    return placed
 
 
-def _narrower(f: Furnisher, kinds: tuple[str, ...]) -> list[Item]:
-    """What did not fit as wide as it was wanted: one of the kinds as wide as some wall allows, or nothing."""
+def _lacking(f: Furnisher, placed: list[Item]) -> list[tuple[str, ...]]:
+    """What the run must have, could have, and has not."""
+    there = {p.thing.kind for p in placed}
+    rows = [row for row in (SINKS, HOT, FRIDGE) if row in NEEDS[f.space.kind]]
+    return [row for row in rows if not there & set(row) and any(f.stock.has(k) for k in row)]
+
+
+def _made_room(f: Furnisher, kinds: tuple[str, ...], placed: list[Item]) -> list[Item]:
+    """The units with one of the kinds as wide as some wall allows, or else in the place of what fills the run."""
     for width in (1.0, 0.8, 0.62):
-        thing = f.stock.get(*kinds, width=width, depth=0.75, height=1.5)
+        thing = f.stock.get(*kinds, width=width, depth=0.8, height=2.1)
         item = f.space.against_wall(thing, tries=80) if thing is not None else None
         if item is not None:
-            return [item]
-    return []
+            return [*placed, item]
+    for unit in [p for p in placed if p.thing.kind in (*BASES, "dishwasher", "tall cabinet")]:
+        thing = f.stock.get(*kinds, width=2 * unit.half_width + 0.002, depth=0.8, height=2.1)
+        if thing is not None:
+            side, along = f.along(unit)
+            before = list(f.space.items)
+            f.space.remove([unit])
+            if (item := f.space.against_wall(thing, [side], at=along)) is not None:
+                return [*(p for p in placed if p is not unit), item]
+            f.space.items = before
+    return placed
 
 
 def _on_counter(f: Furnisher, counters: list[Item]) -> None:

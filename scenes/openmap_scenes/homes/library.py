@@ -10,6 +10,7 @@ import hashlib
 import os
 import re
 import zipfile
+from bisect import bisect_left
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -68,9 +69,11 @@ class Piece:
         """A digest of the model's folder in the archive and of the size: changes when the piece does."""
         digest = hashlib.sha256(repr((self.model, self.size.tolist(), self.rotation.tolist())).encode())
         folder = self.model.rsplit("/", 1)[0] + "/"
-        for name, crc, size in _directory(self.archive, self.archive.stat().st_mtime_ns):
-            if name.startswith(folder):
-                digest.update(f"{name}:{crc}:{size};".encode())
+        entries = _directory(self.archive, self.archive.stat().st_mtime_ns)
+        for name, crc, size in entries[bisect_left(entries, (folder,)) :]:
+            if not name.startswith(folder):
+                break
+            digest.update(f"{name}:{crc}:{size};".encode())
         return digest.hexdigest()[:32]
 
 
@@ -104,11 +107,13 @@ def read_library(folder: Path | None = None) -> dict[str, Piece]:
             "Install the Debian package sweethome3d-furniture (apt install sweethome3d-furniture), "
             f"or set {FOLDER_VARIABLE} to a folder that holds its catalogues.",
         )
-    pieces = [piece for archive in archives for piece in _read_catalogue(archive)]
+    pieces = [piece for archive in archives for piece in _read_catalogue(archive, archive.stat().st_mtime_ns)]
     return {piece.id: piece for piece in sorted(pieces, key=lambda p: p.id)}
 
 
-def _read_catalogue(path: Path) -> list[Piece]:
+@cache
+def _read_catalogue(path: Path, modified: int) -> list[Piece]:
+    """The pieces of a catalogue; ``modified`` is its time stamp, so that a change is seen."""
     try:
         with zipfile.ZipFile(path) as archive:
             properties = parse_properties(archive.read(_PROPERTIES).decode("latin-1"))

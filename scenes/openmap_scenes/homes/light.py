@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from openmap_scenes.homes.rays import RayCaster
 from openmap_scenes.homes.surface import sphere
+from openmap_scenes.homes.vectors import lengths
 
 REACHES = (0.3, 0.7, 1.4)
 AMBIENT, SKY, LAMP = 0.62, 1.5, 0.85
@@ -106,7 +107,7 @@ def _hemisphere(normal: npt.NDArray[np.float32], rays: int) -> list[npt.NDArray[
     out = []
     for offset in sphere(rays):
         direction = normal + np.float32(0.98) * offset.astype(np.float32)
-        out.append(direction / np.linalg.norm(direction, axis=1, keepdims=True))
+        out.append(direction / lengths(direction)[:, None])
     return out
 
 
@@ -117,13 +118,16 @@ def _direct(
     caster: RayCaster,
 ) -> npt.NDArray[np.float64]:
     """What a light sends to each place, (V,): power * cosines / (1 + r^2), shadows by rays."""
-    total = np.zeros(len(origin))
+    total, columns = np.zeros(len(origin)), np.ascontiguousarray(origin.T)
     for point in light.points.astype(np.float32):
-        near = np.flatnonzero((np.abs(point - origin) < light.reach).all(1))
+        inside = np.abs(columns[0] - point[0]) < light.reach
+        for k in (1, 2):
+            inside &= np.abs(columns[k] - point[k]) < light.reach
+        near = np.flatnonzero(inside)
         to = point - origin[near]
-        r = np.linalg.norm(to, axis=1)
+        r = lengths(to)
         unit = to / np.maximum(r, 1e-6)[:, None]
-        strength = np.maximum((normal[near] * unit).sum(1), 0.0)
+        strength = np.maximum(np.einsum("ij,ij->i", normal[near], unit), 0.0)
         if light.normal is not None:
             strength = strength * np.maximum(-(unit @ light.normal.astype(np.float32)), 0.0)
         strength = strength / ((0.6 if light.past == 0.0 else 0.06) + r * r)

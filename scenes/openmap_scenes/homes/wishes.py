@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from openmap_scenes.homes.kitchen import HOT, SINKS
-
+SINKS = ("kitchen sink", "washbasin")
+HOT = ("stove", "double oven", "oven")
+FRIDGE = ("refrigerator",)
 SOFAS = ("sofa", "corner sofa", "loveseat", "futon", "sofa bed")
 PLANTS = ("potted plant", "ficus", "yucca", "peace lily", "spider plant", "palm", "snake plant", "bamboo plant")
 SMALL_PLANTS = (
@@ -41,7 +42,7 @@ FILLERS: tuple[tuple[str, ...], ...] = (
 NEEDS: dict[str, tuple[tuple[str, ...], ...]] = {
     "living room": (SOFAS, ("television", "wall television", "entertainment center")),
     "studio": ((*SOFAS, "bed", "day bed"), SINKS, HOT, ("bed", "day bed", *SOFAS)),
-    "kitchen": (SINKS, HOT, ("refrigerator",)),
+    "kitchen": (SINKS, HOT, FRIDGE),
     "bedroom": (("bed", "day bed", "captain's bed", "sofa bed"), ("wardrobe", "cupboard", "clothes rack")),
     "children's room": (("child bed", "bunk bed", "crib", "captain's bed", "day bed", "bed"),),
     "bathroom": (
