@@ -103,7 +103,8 @@ def generate_episodes(
         found = f"{len(generator.things)} things that can be asked for"
         raise DataError(scene_spec, found, "a home in which an instruction has a reachable target")
     if len(episodes) < n:
-        logger.warning("%s: made %d of %d episodes, there is no more to ask", scene_spec, len(episodes), n)
+        made_of = ", ".join(f"{sum(e.kind == kind for e in episodes)} {kind}" for kind in kinds)
+        logger.warning("%s: made %d of %d episodes (%s): found no more to ask", scene_spec, len(episodes), n, made_of)
     return episodes
 
 
@@ -308,12 +309,17 @@ class _Generator:
             other = others[0]
             outside = np.maximum(np.maximum(other.aabb_min - path, path - other.aabb_max), 0.0)
             near = np.flatnonzero(np.hypot(outside[:, 0], outside[:, 2]) <= PASSING)
-            same_room = any(
-                room_name(self.scene, other) in (None, name) for name in rooms_along(self.scene, path[near])
-            )
-            if len(near) and near[0] >= 4 and near[-1] < len(path) - 4 and same_room:
+            if not len(near) or near[0] < 4 or near[-1] >= len(path) - 4:
+                continue
+            room = room_name(self.scene, other)
+            if room in rooms_along(self.scene, path[near]) if room is not None else self._at_hand(other, path[near]):
                 passed.append((int(near[0]), with_article(noun, noun, unique=True)))
         return [name for _, name in sorted(passed)]
+
+    def _at_hand(self, thing: Instance, places: npt.NDArray[np.float64]) -> bool:
+        """Whether few steps lead to the thing from one of the places (n, 3) m: where rooms have no names, a wall may part them."""
+        way = self._way((target_of(thing),))
+        return way is not None and min(way.distance(place) for place in places) <= 1.5 * PASSING
 
 
 def rooms_along(scene: Scene, path: npt.NDArray[np.float64]) -> list[str]:

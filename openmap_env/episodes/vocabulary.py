@@ -7,10 +7,17 @@ sofa" is a sofa) and, failing that, is a kind of its own.
 from __future__ import annotations
 
 import json
+import re
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
 from typing import Any
+
+from openmap_scenes.taxonomy import labels_of
+
+BUILDING = frozenset({"wall", "ceiling", "column", "beam", "railing", "void", "unlabeled"})
+"""What mpcat40 calls what nobody asks for ("bath wall", "support beam"); its floor also holds rugs, and is not among them."""
+_NUMBER = re.compile(r"\s*#?\d+$")
 
 
 def load_data(name: str) -> Any:
@@ -51,6 +58,7 @@ class Vocabulary:
     room_names: dict[str, str]
     unnamed_rooms: frozenset[str]
     _lineages: dict[str, frozenset[str]] = field(default_factory=dict, repr=False, compare=False)
+    _structures: dict[str, bool] = field(default_factory=dict, repr=False, compare=False)
 
     def kind(self, category: str) -> str:
         """The kind of a category word: as listed, else that of its longest listed ending, else the word itself."""
@@ -82,9 +90,18 @@ class Vocabulary:
         return self.kind(noun) in self.lineage(category)
 
     def is_structure(self, category: str) -> bool:
-        """Whether the category belongs to the building, or says nothing."""
-        word = " ".join(category.lower().replace("_", " ").split())
-        return not word or word in self.structure or category.lower() in self.structure
+        """Whether the category belongs to the building, or says nothing ("wall", "bath wall", "unknown /otherroom")."""
+        if category not in self._structures:
+            self._structures[category] = self._tell_structure(" ".join(category.lower().replace("_", " ").split()))
+        return self._structures[category]
+
+    def _tell_structure(self, word: str) -> bool:
+        first = word.split("/")[0].strip()
+        if not word or word in self.structure or word.replace(" ", "_") in self.structure or first in self.structure:
+            return True
+        if self.kind(word) in self.names:
+            return False
+        return word.startswith("unknown ") or labels_of(word).mpcat40 in BUILDING
 
     def sayable(self, category: str) -> tuple[str, ...]:
         """What people may say for a thing of that category."""
@@ -97,8 +114,8 @@ class Vocabulary:
         return kind in self.no_a if kind in self.names else noun.endswith("s") and not noun.endswith("ss")
 
     def room(self, name: str) -> str | None:
-        """What people call a room, or None if its name says nothing."""
-        word = " ".join(name.lower().replace("_", " ").split())
+        """What people call a room, or None if its name says nothing; nobody says its number ("bedroom 2", "region 5")."""
+        word = _NUMBER.sub("", " ".join(name.lower().replace("_", " ").split()))
         word = self.room_names.get(word, word.split("/")[0].strip())
         return None if word in self.unnamed_rooms else self.room_names.get(word, word)
 

@@ -273,3 +273,54 @@ def test_the_tables_hang_together():
 )
 def test_category_words_find_their_kind(category, kind):
     assert vocabulary().kind(category) == kind
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("region 5", None),
+        ("Region_12", None),
+        ("7", None),
+        ("bedroom 2", "bedroom"),
+        ("familyroom/lounge", "family room"),
+    ],
+)
+def test_nobody_says_the_number_of_a_room(name, said):
+    assert vocabulary().room(name) == said
+
+
+@pytest.mark.parametrize(
+    "category", ["wall /otherroom", "bath wall", "support beam", "unknown object", "undefined", "handrail"]
+)
+def test_what_belongs_to_the_building_or_has_no_name_is_not_asked_for(category):
+    assert vocabulary().is_structure(category)
+
+
+@pytest.mark.parametrize(
+    "category", ["wall cabinet", "rug", "floor lamp", "unknown picture", "partition", "column radiator", "quux"]
+)
+def test_what_people_name_is_asked_for(category):
+    assert not vocabulary().is_structure(category)
+
+
+def test_without_rooms_ways_lead_past_things_at_hand(toy_scene, toy_surface):
+    bare = replace(toy_scene, rooms=[], instances=[replace(i, room=None) for i in toy_scene.instances])
+    ways = generate_episodes(bare, "toy:bare", toy_surface, 12, np.random.default_rng(0), kinds=("language_guided",))
+    assert len(ways) >= 4
+    for episode in ways:
+        assert episode.info["rooms"] == []
+        assert not re.search(r" in (the|a|an) ", episode.instruction)
+        passed = re.search(r"(?:past|by|Pass) (?:the|some) (.+?)(?:,| and) ", episode.instruction)
+        assert passed is not None, episode.instruction
+        (landmark,) = Expression(passed[1]).matches(bare)
+        assert landmark.id not in {t.instance_id for t in episode.targets}
+
+
+def test_too_few_episodes_are_told_by_kind(toy_scene, toy_surface, caplog):
+    one = next(i for i in toy_scene.instances if i.category == "bed")
+    ids = np.where(toy_scene.face_instance == one.id, one.id, 0).astype(np.int32)
+    lone = replace(toy_scene, instances=[replace(one, room=None)], face_instance=ids, rooms=[])
+    with caplog.at_level("WARNING"):
+        made = generate_episodes(lone, "toy:lone", toy_surface, 6, np.random.default_rng(0))
+    assert len(made) < 6
+    assert "0 language_guided" in caplog.text
