@@ -250,9 +250,9 @@ def test_kinds_kept_for_a_split_are_in_no_other() -> None:
     for piece, kind in kinds.items():
         assert splits[piece] == KEPT_FOR.get(kind.kind, splits[piece]), piece
     stocks = {split: Stock(split, np.random.default_rng(0)) for split in SPLITS}
-    for kind, kept in KEPT_FOR.items():
+    for name, kept in KEPT_FOR.items():
         for split, stock in stocks.items():
-            assert split == kept or not stock.has(kind), (kind, split)
+            assert split == kept or not stock.has(name), (name, split)
 
 
 def test_without_the_library_a_home_is_made_by_rule_alone(monkeypatch: pytest.MonkeyPatch) -> None:
