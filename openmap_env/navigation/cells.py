@@ -19,6 +19,9 @@ from openmap_env.navigation.heightfield import Grid, Spans
 STEP_X = np.array([1, 0, -1, 0, 1, -1, -1, 1], np.int64)
 STEP_Z = np.array([0, 1, 0, -1, 1, 1, -1, -1], np.int64)
 
+TINY = 0.05
+"""Share of the largest island's cells below which an island is no floor of a home."""
+
 
 @dataclass(frozen=True)
 class Body:
@@ -114,12 +117,14 @@ def label_islands(cells: Cells) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.i
     """Connected components: island of each cell (N,), and for each island its cells and its grounded cells, (K,) each.
 
     Islands are numbered by grounded cells less the others, then by cells, most first: 0 is the floor that a home is about.
-    A ceiling seen from above has more cells than the floor, but of those only the eaves are grounded.
+    A ceiling seen from above has more cells than the floor, but of those only the eaves are grounded. Islands that are tiny beside
+    the largest come after all others: the inside of a cupboard is grounded, and must not win over a floor under the open sky.
     """
     raw = _components(cells.neighbour)
     n = int(raw.max(initial=-1)) + 1
     size, grounded = np.bincount(raw, minlength=n), np.bincount(raw[cells.grounded], minlength=n)
-    order = np.lexsort((np.arange(n), -size, size - 2 * grounded))
+    tiny = size < TINY * size.max(initial=0)
+    order = np.lexsort((np.arange(n), -size, size - 2 * grounded, tiny))
     rank = np.empty(n, np.int64)
     rank[order] = np.arange(n)
     return rank[raw], size[order].astype(np.int64), grounded[order].astype(np.int64)

@@ -386,3 +386,20 @@ def test_the_follower_arrives_by_about_the_shortest_way(two_rooms: NavigableSurf
         assert turns + walked / 0.1 < 150, "the follower goes round and round"
     assert follower.field.distance(position) <= 0.2
     assert walked <= 1.1 * shortest + 0.3
+
+
+def test_the_floor_of_a_flat_without_ceiling_goes_before_the_inside_of_a_cupboard() -> None:
+    vertices, faces = [], []
+    for low, high in (
+        ((-3.0, -0.1, -3.0), (3.0, 0.0, 3.0)),
+        *(((x, 0.0, z), (x + 0.02, 2.0, z + 0.8)) for x, z in ((1.0, 1.0), (1.98, 1.0))),
+        *(((1.0, 0.0, z), (2.0, 2.0, z + 0.02)) for z in (1.0, 1.8)),
+        ((1.0, 2.0, 1.0), (2.0, 2.02, 1.82)),
+    ):
+        corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], np.float64)
+        quads = np.array([(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)])
+        faces.append(np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]) + 8 * len(vertices))
+        vertices.append(np.array(low) + corners * (np.array(high) - np.array(low)))
+    surface = NavigableSurface.from_scene((np.concatenate(vertices), np.concatenate(faces)))
+    assert surface.island_of([-1.5, 0.0, -1.5]) == 0
+    assert surface.island_of([1.5, 0.0, 1.4]) > 0
