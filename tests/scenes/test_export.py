@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import trimesh
@@ -133,9 +135,9 @@ def test_a_path_that_is_no_glb_is_refused_before_anything_is_written(tmp_path):
 
 def test_nothing_is_left_behind_where_writing_fails(tmp_path):
     (tmp_path / "home.glb").mkdir()
-    with pytest.raises(OSError, match=r"home\.glb"):
+    with pytest.raises(DataError, match=r"home\.glb"):
         export_scene(random_scene(0), tmp_path / "home.glb")
-    assert not [f for f in tmp_path.iterdir() if f.name.startswith(".")]
+    assert [f.name for f in tmp_path.iterdir()] == ["home.glb"]
 
 
 def test_the_shared_house_comes_back_whole(shared_scenes, tmp_path):
@@ -144,3 +146,16 @@ def test_the_shared_house_comes_back_whole(shared_scenes, tmp_path):
     scene = read_mp3d(shared_scenes / "mp3d" / "aws_small_house")
     export_scene(scene, tmp_path / "house.glb")
     assert read_file(tmp_path / "house.glb").digest() == scene.digest()
+
+
+def test_a_full_disk_leaves_nothing_and_names_the_file(
+    toy_scene: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(self: Path, data: bytes) -> int:
+        self.touch()
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(DataError, match=r"No space left on device.*MiB"):
+        export_scene(toy_scene, tmp_path / "toy.glb")
+    assert list(tmp_path.iterdir()) == []

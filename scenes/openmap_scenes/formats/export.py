@@ -71,7 +71,7 @@ def export_scene(scene: Scene, path: str | Path) -> list[Path]:
     Raises
     ------
     DataError
-        The path is not that of a .glb, or the scene is larger than a GLB can be (4 GiB).
+        The path is not that of a .glb or cannot be written to, or the scene is larger than a GLB can be (4 GiB).
     """
     path = Path(path)
     if path.suffix.lower() != ".glb":
@@ -79,13 +79,12 @@ def export_scene(scene: Scene, path: str | Path) -> list[Path]:
     path.parent.mkdir(parents=True, exist_ok=True)
     scene = _few_runs(scene)
     files = {
+        path: _glb(scene, path),
         path.with_name(f"{path.stem}.instances.json"): table_text(scene),
         path.with_name(f"{path.stem}.credits.txt"): _credits_text(scene).encode(),
-        path: _glb(scene, path),
     }
-    for file, data in files.items():
-        write_whole(file, data)
-    return [path, *(file for file in files if file != path)]
+    write_whole(files)
+    return list(files)
 
 
 def _few_runs(scene: Scene) -> Scene:

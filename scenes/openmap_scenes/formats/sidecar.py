@@ -36,6 +36,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from openmap_scenes.errors import DataError
 from openmap_scenes.formats.checked_json import Value, read_json
 from openmap_scenes.formats.instances import make_instance
 from openmap_scenes.formats.mesh import TexturedMesh
@@ -229,11 +230,19 @@ def table_text(scene: Scene) -> bytes:
     return (json.dumps(document, allow_nan=False, ensure_ascii=False) + "\n").encode()
 
 
-def write_whole(path: Path, data: bytes) -> None:
-    """Write a file so that it is there completely or not at all: to a temporary name, then renamed."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
+def write_whole(files: dict[Path, bytes]) -> None:
+    """Write files so that all are there completely or none is: to temporary names, then renamed; DataError where that fails."""
+    temporary = {path: path.with_name(f".{path.name}.{os.getpid()}.part") for path in files}
     try:
-        temporary.write_bytes(data)
-        os.replace(temporary, path)
+        for path, data in files.items():
+            temporary[path].write_bytes(data)
+        for path in files:
+            os.replace(temporary[path], path)
+    except OSError as error:
+        size = sum(map(len, files.values())) / 2**20
+        raise DataError(
+            path, f"{error.strerror or error}", f"room for {size:.1f} MiB in a folder that can be written to"
+        ) from error
     finally:
-        temporary.unlink(missing_ok=True)
+        for unfinished in temporary.values():
+            unfinished.unlink(missing_ok=True)
