@@ -112,10 +112,22 @@ def describe(items: list[Item]) -> list[dict[str, str]]:
     return words
 
 
+# What the Creative Commons Attribution licences ask to be told.
+CHANGES = "The models named above were scaled and thinned, their glass made opaque, and all of it lit anew."
+LICENCES = (
+    "Creative Commons Attribution 3.0: https://creativecommons.org/licenses/by/3.0/ and https://creativecommons.org/licenses/by/3.0/us/; "
+    "public domain: https://creativecommons.org/publicdomain/zero/1.0/"
+)
+
+
 def credits_of(items: list[Item]) -> tuple[str, ...]:
     """Authors and licences of the library's pieces, and one line for what is made by rule."""
     listed = sorted({item.thing.credit for item in items} - {""})
-    return (*listed, "Everything else made by openmap_scenes.")
+    return (
+        *listed,
+        *((CHANGES, LICENCES) if listed else ()),
+        "Everything else is made by rule by openmap_scenes, Apache-2.0.",
+    )
 
 
 def _samples(plan: Plan, shell: list[Piece], vertices: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:

@@ -105,7 +105,7 @@ def read_library(folder: Path | None = None) -> dict[str, Piece]:
             "no furniture catalogue" if folder.is_dir() else "no such folder",
             "Sweet Home 3D catalogues (*.sh3f)",
             "Install the Debian package sweethome3d-furniture (apt install sweethome3d-furniture), "
-            f"or set {FOLDER_VARIABLE} to a folder that holds its catalogues.",
+            f"set {FOLDER_VARIABLE} to a folder that holds its catalogues, or to 'none' for homes of pieces made by rule alone.",
         )
     pieces = [piece for archive in archives for piece in _read_catalogue(archive, archive.stat().st_mtime_ns)]
     return {piece.id: piece for piece in sorted(pieces, key=lambda p: p.id)}
