@@ -115,8 +115,8 @@ def describe(items: list[Item]) -> list[dict[str, str]]:
 # What the Creative Commons Attribution licences ask to be told.
 CHANGES = "The models named above were scaled and thinned, their glass made opaque, and all of it lit anew."
 LICENCES = (
-    "Creative Commons Attribution 3.0: https://creativecommons.org/licenses/by/3.0/ and https://creativecommons.org/licenses/by/3.0/us/; "
-    "public domain: https://creativecommons.org/publicdomain/zero/1.0/"
+    "Creative Commons Attribution 3.0: https://creativecommons.org/licenses/by/3.0/, United States: "
+    "https://creativecommons.org/licenses/by/3.0/us/; public domain: https://creativecommons.org/publicdomain/zero/1.0/"
 )
 
 
