@@ -335,26 +335,30 @@ def _kitchen(f: Furnisher) -> None:
 
 def _studio(f: Furnisher) -> None:
     space, stock, rng = f.space, f.stock, f.rng
+    # The bed comes first: it is the hardest to place, and with windows all around its head may only stand between them.
+    bed = None
+    for width in (1.7, 1.7, 1.5, 1.5, 1.2, 1.0):
+        thing = stock.get("bed", "day bed", width=width, depth=2.3)
+        bed = space.against_wall(thing, corner=True) if thing is not None else None
+        bed = bed or (space.against_wall(thing) if thing is not None else None)
+        if bed is not None:
+            break
     f.radiator()
     f.curtains()
     run = kitchen_run(f, longest=3.4)
-    bed = None
-    for width in (1.7, 1.7, 1.5, 1.2):
-        thing = stock.get("bed", "day bed", width=width, depth=2.3) or stock.get("bed", "sofa bed")
-        bed = space.against_wall(thing, corner=True) if thing is not None else None
-        if bed is not None:
-            break
-    sofa = _sofa(f, 2.0) if bed is None else None
     if f.complete and missing(space, stock):
         return
     dress_run(f, run)
     if bed is not None:
         bedside(f, bed)
         f.cushions(bed, 1)
-        sofa = _sofa(f, 2.0)
+    sofa = _sofa(f, 2.0)
+    f.wall("wardrobe", corner=True, width=1.6) or f.wall("wardrobe", "clothes rack", width=1.2)
     if sofa is not None:
         sofa_group(f, sofa)
-    f.wall("wardrobe", corner=True, width=1.6)
+    else:
+        f.wall("armchair", "loveseat", corner=True)
+        f.tops(f.wall("tv stand", "sideboard", "chest of drawers", width=1.5, height=0.95), ("television",), 1)
     dining_group(f, most=3, wide=1.1)
     _bookcase(f)
     if f.chance(0.5):
