@@ -343,9 +343,6 @@ def test_opening_a_kept_scene_imports_no_reader(tmp_path: Path, monkeypatch: pyt
     path = tmp_path / "box.glb"
     write_mesh(path)
     digest = load_scene(f"file:{path}").digest()
-    # The pair must run the same code, whatever is written to the package meanwhile.
-    if cache_module._code_digest() != cache_module._CODE:
-        pytest.skip("the package changed while it was tested")
     done = subprocess.run([sys.executable, "-c", OPEN, f"file:{path}"], capture_output=True, text=True, check=True)
     assert done.stdout.split() == [digest, "False"]
 
