@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
 
-from openmap_env.episodes.episode import Target
 from openmap_env.navigation.surface import DistanceField, NavigableSurface
 from openmap_scenes import Room, Scene
+
+if TYPE_CHECKING:
+    # The episodes' package makes episodes with this module: it must be importable before them.
+    from openmap_env.episodes.episode import Target
 
 ARM = 0.1
 """Places this much farther from a target than the nearest one, m, still count as touching it."""
