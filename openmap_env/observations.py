@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from gymnasium import spaces
 
+from openmap_env.text_space import InstructionSpace
 from openmap_scenes import PinholeCamera
 
 Sensor = Literal["rgb", "depth", "semantic"]
@@ -41,7 +42,7 @@ def observation_space(camera: PinholeCamera, sensors: Sequence[Sensor]) -> space
             "T_episode_camera": spaces.Box(-FARTHEST, FARTHEST, (4, 4), np.float32),
             "gps": spaces.Box(-FARTHEST, FARTHEST, (2,), np.float32),
             "compass": spaces.Box(-math.pi, math.pi, (1,), np.float32),
-            "instruction": spaces.Text(MAX_INSTRUCTION, charset=CHARACTERS),
+            "instruction": InstructionSpace(MAX_INSTRUCTION, charset=CHARACTERS),
         }
     )
 
