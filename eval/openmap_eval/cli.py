@@ -1,4 +1,4 @@
-"""The command line: ``openmap eval | demo | query | scenes | bench``."""
+"""The command line: ``openmap eval | demo | query | scenes | episodes | bench``."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import tyro
 from rich.console import Console
 
 from openmap_eval.bench import Benchmark
+from openmap_eval.episode_commands import EpisodeCommand
 from openmap_eval.scene_commands import SceneCommand
 from openmap_scenes import DataError
 
@@ -29,7 +30,8 @@ class Eval:
     homes: int = 3
     """How many homes of the split."""
     episodes: str = "24"
-    """How many to generate for each scene, or a file or folder of episodes (R2R-CE, ObjectNav, own JSONL)."""
+    """How many for each scene: the benchmark's, evenly over their kinds, or generated where a scene has none of those.
+    Or a file or folder of episodes (R2R-CE, ObjectNav, VLMaps, own JSONL)."""
     agent: str = "openmap"
     """openmap, random, stand_still or oracle."""
     perception: str = "embedded"
@@ -101,6 +103,16 @@ class Scenes:
 
 
 @dataclass(frozen=True)
+class Episodes:
+    """What is asked: the benchmark's frozen episodes and your own; make them, hold them against their homes, read them."""
+
+    command: tyro.conf.OmitSubcommandPrefixes[EpisodeCommand]
+
+    def run(self, console: Console) -> None:
+        self.command.run(console)
+
+
+@dataclass(frozen=True)
 class Bench:
     """Measure what things cost on this machine."""
 
@@ -115,6 +127,7 @@ Command = (
     | Annotated[Demo, tyro.conf.subcommand("demo")]
     | Annotated[Query, tyro.conf.subcommand("query")]
     | Annotated[Scenes, tyro.conf.subcommand("scenes")]
+    | Annotated[Episodes, tyro.conf.subcommand("episodes")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]
 )
 
@@ -123,7 +136,7 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the command line; bad input ends in one message and exit status 2, without a traceback."""
     logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s", stream=sys.stderr)
     console = Console()
-    command: Eval | Demo | Query | Scenes | Bench = tyro.cli(
+    command: Eval | Demo | Query | Scenes | Episodes | Bench = tyro.cli(
         Command, args=arguments, prog="openmap", description=__doc__
     )
     try:

@@ -22,6 +22,8 @@ from openmap_agents import make_agent
 from openmap_agents.agent import Agent, Answer, Observation
 from openmap_env.env import OpenMapNavEnv
 from openmap_env.episodes import Episode
+from openmap_env.episodes.benchmark import NAME, frozen_home
+from openmap_env.episodes.source import BENCHMARK, evenly
 from openmap_eval.records import EpisodeRecord, RecordFile, write_json
 from openmap_eval.summary import summarise
 from openmap_scenes import DataError
@@ -47,7 +49,11 @@ class EvalSettings:
 
 @dataclass(frozen=True)
 class SceneTask:
-    """A scene and what is asked in it: how many episodes to generate, a file or folder to read, or the episodes themselves."""
+    """A scene and what is asked in it: a number of episodes, a file or folder to read, or the episodes themselves.
+
+    A number takes that many of the benchmark's frozen episodes, evenly over their kinds; of a scene that is no home of the
+    benchmark, that many are generated.
+    """
 
     scene: str
     episodes: int | Path | Sequence[Episode]
@@ -87,7 +93,7 @@ def evaluate(
     for task in tasks:
         env = make_env(task, settings)
         try:
-            agent, episodes = _enter(env, settings)
+            agent, episodes = _enter(env, task, settings)
             open_episodes = [e for e in episodes if (task.scene, e.episode_id) not in records.done]
             if not open_episodes:
                 continue
@@ -105,7 +111,7 @@ def evaluate(
 def _claim(out: Path, settings: EvalSettings, tasks: Sequence[SceneTask], fresh: bool) -> None:
     """Write what is run into a new folder; refuse a folder whose records come from something else."""
     path = out / "settings.json"
-    asked = {**asdict(settings), "tasks": [[task.scene, _described(task.episodes)] for task in tasks]}
+    asked = {**asdict(settings), "tasks": [[task.scene, _described(task)] for task in tasks]}
     if fresh or not path.exists():
         write_json(path, asked)
         return
@@ -115,10 +121,12 @@ def _claim(out: Path, settings: EvalSettings, tasks: Sequence[SceneTask], fresh:
         raise DataError(path, f"an evaluation with {different}", "the settings of this run", "Give another --out.")
 
 
-def _described(episodes: int | Path | Sequence[Episode]) -> int | str:
-    """The episodes as they are asked for: how many, or a digest of which."""
+def _described(task: SceneTask) -> int | str:
+    """The episodes as they are asked for: how many (of which), or a digest of which."""
+    episodes = task.episodes
     if isinstance(episodes, int):
-        return episodes
+        home = frozen_home(task.scene)
+        return episodes if home is None else f"{episodes} of {NAME} {home.digest()}"
     if isinstance(episodes, Path):
         files = sorted(p for p in episodes.rglob("*") if p.is_file()) if episodes.is_dir() else [episodes]
         return hashlib.sha256(b"".join(p.read_bytes() for p in files if p.is_file())).hexdigest()[:16]
@@ -131,7 +139,7 @@ def make_env(task: SceneTask, settings: EvalSettings) -> gym.Env[Any, Any]:
     return gym.make(
         "OpenMapNav-v0",
         scene=task.scene,
-        episodes=None if how_many is not None else task.episodes,
+        episodes=BENCHMARK if how_many is not None else task.episodes,
         episodes_per_scene=how_many or 1,
         episode_seed=settings.seed,
         width=settings.width,
@@ -147,8 +155,8 @@ def _bare(env: gym.Env[Any, Any]) -> OpenMapNavEnv:
     return cast(OpenMapNavEnv, env.unwrapped)
 
 
-def _enter(env: gym.Env[Any, Any], settings: EvalSettings) -> tuple[Agent, list[Episode]]:
-    """Load the scene; the agent for it and all of its episodes."""
+def _enter(env: gym.Env[Any, Any], task: SceneTask, settings: EvalSettings) -> tuple[Agent, list[Episode]]:
+    """Load the scene; the agent for it and all of the task's episodes."""
     env.reset(seed=settings.seed)
     agent = make_agent(
         settings.agent,
@@ -158,7 +166,8 @@ def _enter(env: gym.Env[Any, Any], settings: EvalSettings) -> tuple[Agent, list[
         protocol=settings.protocol,
         seed=settings.seed,
     )
-    return agent, _bare(env).episodes
+    episodes = _bare(env).episodes
+    return agent, evenly(episodes, task.episodes) if isinstance(task.episodes, int) else episodes
 
 
 def run_scene(

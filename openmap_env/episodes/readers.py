@@ -1,37 +1,40 @@
-"""Episode files of others: R2R-CE and Habitat's ObjectNav, and the one door to every format, ``load_episodes``.
+"""The one door to episode files of every format, ``load_episodes``.
 
-Both write world-frame metres with Y up, rotations as quaternions [x, y, z, w] and scene files relative to a folder of scene data
-sets. Positions lie on the navigation mesh of the data set's own tools, a few centimetres above the floor.
+R2R-CE's, Habitat ObjectNav's and VLMaps' files write world-frame metres with Y up. Positions lie on the navigation mesh of the data
+set's own tools, a few centimetres above the floor. Scenes are named by files relative to a folder of scene data sets.
 """
 
 from __future__ import annotations
 
-import gzip
-import json
 import logging
-import math
-import zlib
+import re
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from scipy.spatial.transform import Rotation
+from openmap_env.episodes.episode import Episode, same_box, target_of
+from openmap_env.episodes.fields import parse, read_bytes, text
+from openmap_env.episodes.jsonl import read_episodes
+from openmap_env.episodes.objectnav import objectnav_episode, with_boxes
+from openmap_env.episodes.r2r import r2r_episode
+from openmap_env.episodes.vlmaps import vlmaps_episodes, with_things
+from openmap_scenes import DataError, Scene
+from openmap_scenes.formats.checked_json import Value
 
-from openmap_env.episodes.episode import Episode, Target
-from openmap_env.episodes.expressions import with_article
-from openmap_env.episodes.jsonl import number, point, read_episodes
-from openmap_scenes import DataError, Instance, Scene
+__all__ = ["complete", "load_episodes", "same_scene", "target_of"]
 
 logger = logging.getLogger(__name__)
 
-_KINDS_BY_FOLDER = {"mp3d": "mp3d", "hm3d": "hm3d", "replica": "replica", "scannet": "scannet"}
-_SAME_OBJECT = 1.0
-"""A goal and an instance of the same id are the same thing if their centres are this close, m."""
+_SCAN_FOLDERS = ("mp3d", "hm3d", "replica", "scannet")
+"""Data sets whose scenes are folders; their names, as folders and as kinds of specs."""
+_OURS = (".jsonl", ".jsonl.gz")
+_THEIRS = (".json", ".json.gz")
+_FORMATS = "R2R-CE ('instruction'), ObjectNav ('object_category') or VLMaps ('objects_info')"
 
 
 def load_episodes(path: str | Path, scene_spec: str | None = None, scene: Scene | None = None) -> list[Episode]:
-    """Read episodes of any known format: R2R-CE or ObjectNav (.json.gz, content/), our own (.jsonl), or a folder of them.
+    """Read episodes of any known format: R2R-CE, ObjectNav (with ``content/``), VLMaps, our own (.jsonl), or a folder of them.
 
     Parameters
     ----------
@@ -41,7 +44,7 @@ def load_episodes(path: str | Path, scene_spec: str | None = None, scene: Scene 
         Catalogue spec of the scene at hand. Episodes of other scenes are dropped with a line in the log. Without it, scene
         files are looked for in the folders above the episode file: ``<folder>/<scene_id>``, ``<folder>/scene_datasets/<scene_id>``.
     scene : Scene, optional
-        Gives ObjectNav goals their boxes: ``object_id`` is looked up as ``Instance.source_id``. Without it a goal is its position.
+        Says what the files leave to it, see ``complete``.
 
     Raises
     ------
@@ -49,39 +52,41 @@ def load_episodes(path: str | Path, scene_spec: str | None = None, scene: Scene 
         A file cannot be read, is of no known format, holds an unusable episode, or no episode is left.
     """
     path = Path(path)
-    episodes: list[Episode] = []
+    kept: list[Episode] = []
+    dropped = 0
     for file in _episode_files(path):
-        if file.suffix == ".jsonl":
-            own = read_episodes(file)
-            episodes += own
-            continue
-        data = _read_json(file)
-        entries = data.get("episodes")
-        if not isinstance(entries, list):
-            raise DataError(file, f"the keys {sorted(data)[:6]}", "an 'episodes' list, as R2R-CE and ObjectNav have")
-        if "goals_by_category" in data:
-            episodes += [
-                _objectnav(f"{file}: episode {i}", file, e, data, scene_spec, scene) for i, e in enumerate(entries)
-            ]
-        elif all(isinstance(e, dict) and "instruction" in e for e in entries):
-            episodes += [_r2r(f"{file}: episode {i}", file, e, scene_spec) for i, e in enumerate(entries)]
-        else:
-            raise DataError(
-                file, "episodes of an unknown kind", "R2R-CE ('instruction') or ObjectNav ('goals_by_category')"
-            )
-    kept = [e for e in episodes if scene_spec is None or same_scene(e.info.get("scene_id", e.scene), scene_spec)]
-    if len(kept) < len(episodes):
-        logger.info(
-            "%s: dropped %d of %d episodes, their scene is not %s",
-            path,
-            len(episodes) - len(kept),
-            len(episodes),
-            scene_spec,
-        )
+        for scene_id, entry in _entries(file):
+            if scene_spec is not None and not same_scene(scene_id, scene_spec):
+                dropped += 1
+            elif isinstance(entry, Episode):
+                kept.append(entry if scene_spec is None else replace(entry, scene=scene_spec))
+            else:
+                kept += _made(entry, scene_spec or _scene_spec(file, scene_id))
+    if dropped:
+        total = dropped + len(kept)
+        logger.info("%s: dropped %d of %d episodes, their scene is not %s", path, dropped, total, scene_spec)
     if not kept:
-        found = f"{len(episodes)} episodes, none of scene {scene_spec}" if episodes else "no episode"
+        found = f"{dropped} episodes, none of scene {scene_spec}" if dropped else "no episode"
         raise DataError(path, found, "at least one episode to run")
-    return _with_unique_ids(kept)
+    return _with_unique_ids(kept if scene is None else [complete(episode, scene) for episode in kept])
+
+
+def complete(episode: Episode, scene: Scene) -> Episode:
+    """The episode with what only its scene knows.
+
+    The boxes of ObjectNav's goals, the things that VLMaps' categories mean, and every digit of boxes that a file rounds.
+    """
+    return _exact(with_things(with_boxes(episode, scene), scene), scene)
+
+
+def _exact(episode: Episode, scene: Scene) -> Episode:
+    """The episode with the scene's own boxes for the targets that are its instances."""
+    by_id = {instance.id: instance for instance in scene.instances}
+    targets = []
+    for target in episode.targets:
+        instance = by_id.get(target.instance_id)
+        targets.append(target if instance is None or not same_box(target, instance) else target_of(instance))
+    return replace(episode, targets=tuple(targets))
 
 
 def same_scene(scene_id: str, scene_spec: str) -> bool:
@@ -92,18 +97,18 @@ def same_scene(scene_id: str, scene_spec: str) -> bool:
 def _short_name(scene: str) -> str:
     kind, colon, rest = scene.partition(":")
     if kind == "homes" and colon:
-        return scene
-    name = (rest if colon else scene).rstrip("/").rsplit("/", 1)[-1]
+        return re.sub(r"/0+(?=\d)", "/", scene)
+    short = (rest if colon else scene).rstrip("/").rsplit("/", 1)[-1]
     for ending in (".glb", ".ply", ".basis"):
-        name = name.removesuffix(ending)
-    head, dash, tail = name.partition("-")
-    return tail if dash and len(head) == 5 and head.isdigit() else name
+        short = short.removesuffix(ending)
+    head, dash, tail = short.partition("-")
+    return tail if dash and len(head) == 5 and head.isdigit() else short
 
 
 def _episode_files(path: Path) -> list[Path]:
     """The episode files that a path names; a folder's or file's ``content/`` is included, R2R's ground-truth files are not."""
     if path.is_dir():
-        here = sorted(p for p in path.iterdir() if p.name.endswith((".json.gz", ".json", ".jsonl")))
+        here = sorted(p for p in path.iterdir() if p.name.endswith((*_OURS, *_THEIRS)))
     elif path.is_file():
         here = [path]
     else:
@@ -111,142 +116,74 @@ def _episode_files(path: Path) -> list[Path]:
     content = (path if path.is_dir() else path.parent) / "content"
     files = [p for p in here if not p.name.split(".")[0].endswith("_gt")]
     if content.is_dir() and content not in path.parents:
-        files = [p for p in files if p.suffix == ".jsonl" or _read_json(p).get("episodes") != []]
-        files += sorted(p for p in content.iterdir() if p.name.endswith((".json.gz", ".json")))
+        files = [p for p in files if p.name.endswith(_OURS) or not _is_index(p)]
+        files += sorted(p for p in content.iterdir() if p.name.endswith(_THEIRS))
     if not files:
-        raise DataError(path, "no episode file", "files that end in .json.gz, .json or .jsonl")
+        raise DataError(path, "no episode file", "files that end in .json.gz, .json, .jsonl or .jsonl.gz")
     return files
 
 
-def _read_json(path: Path) -> dict[str, Any]:
-    try:
-        raw = path.read_bytes()
-        data = json.loads(gzip.decompress(raw) if path.name.endswith(".gz") else raw)
-    except (OSError, EOFError, zlib.error, UnicodeDecodeError, json.JSONDecodeError) as error:
-        remedy = "Fetch the file again; it may be incomplete."
-        raise DataError(path, f"no readable JSON ({error})", "JSON, gzipped if the name ends in .gz", remedy) from error
-    if not isinstance(data, dict):
-        raise DataError(path, f"a JSON {type(data).__name__}", "an object with an 'episodes' list")
-    return data
+def _is_index(path: Path) -> bool:
+    """Whether a file says no more than that the episodes are in ``content/``."""
+    data = parse(read_bytes(path), path)
+    return isinstance(data, dict) and data.get("episodes") == []
+
+
+def _entries(file: Path) -> Iterator[tuple[str, Episode | tuple[Value, Value]]]:
+    """What a file holds: the scene of each entry, and the episode, or the entry and what all of its entries share."""
+    if file.name.endswith(_OURS):
+        for episode in read_episodes(file):
+            yield str(episode.info.get("scene_id", episode.scene)), episode
+        return
+    data: Any = parse(read_bytes(file), file)
+    episodes = data.get("episodes") if isinstance(data, dict) else data
+    if not isinstance(episodes, list):
+        found = f"the keys {sorted(data)[:6]}" if isinstance(data, dict) else f"a JSON {type(data).__name__}"
+        raise DataError(file, found, "an object with an 'episodes' list, or VLMaps' list of tasks")
+    shared = Value(data.get("goals_by_category") if isinstance(data, dict) else None, file, "goals_by_category")
+    for number, raw in enumerate(episodes):
+        entry = Value(raw, f"{file}: episode {number}")
+        yield text(entry["scene_id" if isinstance(data, dict) else "scene"]), (entry, shared)
+
+
+def _made(entry_and_shared: tuple[Value, Value], scene: str) -> Iterator[Episode]:
+    entry, shared = entry_and_shared
+    if "objects_info" in entry.raw:
+        yield from vlmaps_episodes(entry, scene)
+    elif "object_category" in entry.raw:
+        yield objectnav_episode(entry, shared, scene)
+    elif "instruction" in entry.raw:
+        yield r2r_episode(entry, scene)
+    else:
+        raise DataError(entry.source, f"the keys {sorted(entry.raw)[:8]}", _FORMATS)
 
 
 def _scene_spec(file: Path, scene_id: str) -> str:
-    """The catalogue spec of a scene file that an episode file names, found in the folders above the latter."""
+    """The catalogue spec of a scene that an episode file names by a file or by its name, found in the folders above."""
+    names = [scene_id]
+    if "/" not in scene_id and "." not in scene_id:
+        short = _short_name(scene_id)
+        names = [
+            f"{kind}/{scene_id}/{short}{end}"
+            for kind, end in (("mp3d", ".glb"), ("hm3d", ".basis.glb"), ("hm3d", ".glb"))
+        ]
     for folder in file.resolve().parents:
-        for base in (folder, folder / "scene_datasets"):
-            found = base / scene_id
-            if found.is_file():
-                kind = _KINDS_BY_FOLDER.get(Path(scene_id).parts[0])
-                return f"{kind}:{found.parent}" if kind else f"file:{found}"
+        for found in (base / name for base in (folder, folder / "scene_datasets") for name in names):
+            if _is_file(found):
+                kind = next((k for k in (*_SCAN_FOLDERS, "gibson") if k in found.parts[len(folder.parts) :]), "file")
+                return f"{kind}:{found.parent if kind in _SCAN_FOLDERS else found}"
     remedy = "Pass scene_spec, for example mp3d:<scan folder>."
     raise DataError(
         file, f"scene_id {scene_id!r}, which is no file under the folders above", "the scene's file", remedy
     )
 
 
-def _common(where: str, file: Path, entry: Any, scene_spec: str | None) -> dict[str, Any]:
-    """What both formats share: the id, the scene and the start pose."""
-    names = ("episode_id", "scene_id", "start_position", "start_rotation")
-    if not isinstance(entry, dict) or not set(names) <= set(entry):
-        missing = sorted(set(names) - set(entry)) if isinstance(entry, dict) else list(names)
-        raise DataError(where, f"an entry without {', '.join(missing)}", f"an object with {', '.join(names)}")
-    scene_id = entry["scene_id"]
-    if not isinstance(scene_id, str) or not scene_id:
-        raise DataError(where, f"scene_id {scene_id!r}", "the path of a scene file")
-    return {
-        "episode_id": str(entry["episode_id"]),
-        "scene": scene_spec or _scene_spec(file, scene_id),
-        "start_position": point(where, "start_position", entry["start_position"]),
-        "start_heading": heading_of(where, entry["start_rotation"]),
-    }
-
-
-def heading_of(where: str, quaternion: Any) -> float:
-    """The heading in radians, positive to the left of -Z, of a quaternion [x, y, z, w].
-
-    Raises
-    ------
-    DataError
-        It is no rotation, or looks straight up or down.
-    """
-    if not isinstance(quaternion, list) or len(quaternion) != 4:
-        raise DataError(where, f"start_rotation {quaternion!r}", "a quaternion [x, y, z, w]")
-    q = [number(where, "start_rotation", v) for v in quaternion]
-    if abs(math.hypot(*q) - 1.0) > 0.01:
-        raise DataError(where, f"start_rotation {q} of length {math.hypot(*q):.3f}", "a unit quaternion [x, y, z, w]")
-    forward = Rotation.from_quat(q).apply([0.0, 0.0, -1.0])
-    if math.hypot(forward[0], forward[2]) < 1e-3:
-        raise DataError(where, f"start_rotation {q}, which looks straight up or down", "a rotation about the Y axis")
-    return math.atan2(-forward[0], -forward[2])
-
-
-def _r2r(where: str, file: Path, entry: Any, scene_spec: str | None) -> Episode:
-    common = _common(where, file, entry, scene_spec)
-    text = entry["instruction"].get("instruction_text") if isinstance(entry["instruction"], dict) else None
-    goals = entry.get("goals")
-    if not isinstance(text, str) or not text.strip():
-        raise DataError(where, f"instruction_text {text!r}", "a text that is not empty")
-    if not isinstance(goals, list) or not goals or not all(isinstance(g, dict) and "position" in g for g in goals):
-        raise DataError(where, f"goals {goals!r}", "a list of at least one {position, radius}")
-    info = {
-        "scene_id": entry["scene_id"],
-        "radius": goals[0].get("radius"),
-        "trajectory_id": entry.get("trajectory_id"),
-        "reference_path": entry.get("reference_path"),
-        **(entry.get("info") or {}),
-    }
-    targets = tuple(_place(point(where, "goal position", g["position"])) for g in goals)
-    return Episode(instruction=" ".join(text.split()), kind="language_guided", targets=targets, info=info, **common)
-
-
-def _objectnav(
-    where: str, file: Path, entry: Any, data: dict[str, Any], scene_spec: str | None, scene: Scene | None
-) -> Episode:
-    common = _common(where, file, entry, scene_spec)
-    category = entry.get("object_category")
-    if not isinstance(category, str) or not category:
-        raise DataError(where, f"object_category {category!r}", "a category's name")
-    key = f"{entry['scene_id'].rsplit('/', 1)[-1]}_{category}"
-    goals = data["goals_by_category"].get(key)
-    if not isinstance(goals, list) or not goals or not all(isinstance(g, dict) and "position" in g for g in goals):
-        raise DataError(where, f"no goals under {key!r} in goals_by_category", "at least one goal with a position")
-    noun = category.replace("_", " ")
-    instruction = f"Find {with_article(noun, noun, unique=len(goals) == 1)}."
-    targets = tuple(_place(point(where, "goal position", goal["position"])) for goal in goals)
-    object_ids = [goal.get("object_id") for goal in goals]
-    info = {"scene_id": entry["scene_id"], "category": category, "object_ids": object_ids, **(entry.get("info") or {})}
-    episode = Episode(instruction=instruction, kind="object_goal", targets=targets, info=info, **common)
-    return episode if scene is None else with_boxes(episode, scene)
-
-
-def with_boxes(episode: Episode, scene: Scene) -> Episode:
-    """An ObjectNav episode whose goals are the scene's instances, with their boxes; other episodes as they are.
-
-    A goal whose id is no instance of the scene, or one elsewhere, stays a position.
-    """
-    object_ids = episode.info.get("object_ids", ())
-    if len(object_ids) != len(episode.targets) or any(target.instance_id for target in episode.targets):
-        return episode
-    by_source = {instance.source_id: instance for instance in scene.instances}
-    targets = []
-    for source_id, target in zip(object_ids, episode.targets, strict=True):
-        instance = by_source.get(source_id)
-        same = instance is not None and np.linalg.norm(instance.centre - np.array(target.centre)) <= _SAME_OBJECT
-        targets.append(target_of(instance) if instance is not None and same else target)
-    return replace(episode, targets=tuple(targets))
-
-
-def _place(centre: tuple[float, float, float]) -> Target:
-    return Target(0, centre, centre, centre)
-
-
-def target_of(instance: Instance) -> Target:
-    """An instance as a target."""
-
-    def triple(v: Any) -> tuple[float, float, float]:
-        return float(v[0]), float(v[1]), float(v[2])
-
-    return Target(instance.id, triple(instance.centre), triple(instance.aabb_min), triple(instance.aabb_max))
+def _is_file(path: Path) -> bool:
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        # A name that no file can have.
+        return False
 
 
 def _with_unique_ids(episodes: list[Episode]) -> list[Episode]:
