@@ -7,7 +7,8 @@ taken away; what remains falls into islands. Storeys and stairs need no care of 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numba as nb
 import numpy as np
@@ -49,16 +50,16 @@ class Body:
 
 @dataclass(frozen=True)
 class Cells:
-    """N cells, ordered by column and then by height; those of column c are ``start[c]:start[c + 1]``.
+    """N cells, ordered by column and then by height; those of column c are ``start[c]:start[c + 1]``. None may be written to.
 
     Parameters
     ----------
-    start : (nx * nz + 1,) int64
-    ix, iz : (N,) int64
+    start : (nx * nz + 1,) int32
+    ix, iz : (N,) int32
         Grid column.
     floor : (N,) float64 m
         Height of what the body stands on.
-    neighbour : (N, 8) int64
+    neighbour : (N, 8) int32
         Cell in direction (STEP_X, STEP_Z), -1 where the way is barred. A diagonal needs both ways around it.
     away : (N, 2) float64
         Horizontal unit vector (x, z) away from the nearest obstacle, near obstacles; else 0.
@@ -66,13 +67,25 @@ class Cells:
         False on roofs: nothing above, something below.
     """
 
-    start: npt.NDArray[np.int64]
-    ix: npt.NDArray[np.int64]
-    iz: npt.NDArray[np.int64]
+    start: npt.NDArray[np.int32]
+    ix: npt.NDArray[np.int32]
+    iz: npt.NDArray[np.int32]
     floor: npt.NDArray[np.float64]
-    neighbour: npt.NDArray[np.int64]
+    neighbour: npt.NDArray[np.int32]
     away: npt.NDArray[np.float64]
     grounded: npt.NDArray[np.bool_]
+
+    def __post_init__(self) -> None:
+        # Plain and read-only, be they made or memory maps of what was made before: compiled code is the same for both then.
+        for field in fields(self):
+            array = np.asarray(getattr(self, field.name)).view()
+            array.flags.writeable = False
+            object.__setattr__(self, field.name, array)
+
+    def ground(self, grid: Grid) -> tuple[Any, ...]:
+        """What compiled code is told of the surface, in one tuple that it unpacks in this order."""
+        arrays = (self.start, self.ix, self.iz, self.floor, self.neighbour, self.away)
+        return (*arrays, grid.origin_x, grid.origin_z, grid.cell, grid.nx, grid.nz)
 
 
 def standing_cells(spans: Spans, grid: Grid, body: Body) -> Cells:
@@ -103,17 +116,17 @@ def standing_cells(spans: Spans, grid: Grid, body: Body) -> Cells:
     away[~np.isfinite(away)] = 0.0
     neighbour = _with_diagonals(sides)
     return Cells(
-        _starts(column[keep], grid.nx * grid.nz),
-        ix[keep],
-        iz[keep],
+        _starts(column[keep], grid.nx * grid.nz).astype(np.int32),
+        ix[keep].astype(np.int32),
+        iz[keep].astype(np.int32),
         floor[keep],
-        neighbour,
+        neighbour.astype(np.int32),
         _smooth(_smooth(away, neighbour), neighbour),
         grounded[stands][keep],
     )
 
 
-def label_islands(cells: Cells) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+def label_islands(cells: Cells) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64], npt.NDArray[np.int64]]:
     """Connected components: island of each cell (N,), and for each island its cells and its grounded cells, (K,) each.
 
     Islands are numbered by grounded cells less the others, then by cells, most first: 0 is the floor that a home is about.
@@ -125,7 +138,7 @@ def label_islands(cells: Cells) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.i
     size, grounded = np.bincount(raw, minlength=n), np.bincount(raw[cells.grounded], minlength=n)
     tiny = size < TINY * size.max(initial=0)
     order = np.lexsort((np.arange(n), -size, size - 2 * grounded, tiny))
-    rank = np.empty(n, np.int64)
+    rank = np.empty(n, np.int32)
     rank[order] = np.arange(n)
     return rank[raw], size[order].astype(np.int64), grounded[order].astype(np.int64)
 

@@ -4,11 +4,16 @@ from __future__ import annotations
 
 import math
 
+import numba as nb
 import numpy as np
 import numpy.typing as npt
 
 from openmap_env.actions import Action
-from openmap_env.navigation.surface import DistanceField, NavigableSurface
+from openmap_env.navigation.field import SNAP_DISTANCE, DistanceField, look_up
+from openmap_env.navigation.motion import step
+from openmap_env.navigation.surface import NavigableSurface
+
+_NOWHERE = 1 << 30
 
 
 class ShortestPathFollower:
@@ -42,30 +47,47 @@ class ShortestPathFollower:
         self._turn = math.radians(turn_deg)
         half_circle = math.ceil(math.pi / self._turn - 1e-9)
         # Straight on first, then ever larger turns, left before right: the first of equals wins.
-        self._turns = sorted(range(1 - half_circle, half_circle + 1), key=lambda n: (abs(n), -n))
+        order = sorted(range(1 - half_circle, half_circle + 1), key=lambda n: (abs(n), -n))
+        self._turns = np.array(order, np.int64)
 
     def next_action(self, position: npt.ArrayLike, heading: float) -> Action:
         """What to do at a position (3,) m with a heading in radians (0 looks along -Z, positive turns left).
 
         STOP at the goal, and also where no heading leads nearer to it.
         """
-        p = np.asarray(position, np.float64)
-        here = self.field.distance(p)
-        if here <= self.goal_radius or not math.isfinite(here):
+        s, way = self.surface, self.field.way
+        x, y, z = np.asarray(position, np.float64).tolist()
+        turns = _best_turns(
+            s.ground, way, s.island, s.body.step_height, s.reach, x, y, z,
+            heading, self._turns, self._turn, self.forward_step, self.goal_radius,
+        )  # fmt: skip
+        if turns == _NOWHERE:
             return Action.STOP
-        best, best_turns = math.inf, 0
-        for turns in self._turns:
-            angle = heading + turns * self._turn
-            step = self.forward_step * np.array([-math.sin(angle), 0.0, -math.cos(angle)])
-            once = self.surface.try_step(p, step)
-            nearest = self.field.distance(once)
-            if nearest > self.goal_radius:
-                nearest = 0.5 * (nearest + self.field.distance(self.surface.try_step(once, step)))
-            value = nearest + 0.01 * self.forward_step * abs(turns)
-            if value < best - 1e-9 and nearest < here - 1e-6:
-                best, best_turns = value, turns
-        if math.isinf(best):
-            return Action.STOP
-        if best_turns == 0:
+        if turns == 0:
             return Action.MOVE_FORWARD
-        return Action.TURN_LEFT if best_turns > 0 else Action.TURN_RIGHT
+        return Action.TURN_LEFT if turns > 0 else Action.TURN_RIGHT
+
+
+@nb.njit(cache=True)
+def _best_turns(  # type: ignore[no-untyped-def]
+    ground, way, island, slack, reach, x, y, z, heading, turns, turn, forward, goal_radius
+):
+    """The number of turns, left positive, to the heading that leads nearest to the goal; _NOWHERE at the goal or if none does."""
+    here = look_up(ground, way, island, slack, reach, SNAP_DISTANCE, x, y, z)[0]
+    if here <= goal_radius or not np.isfinite(here):
+        return _NOWHERE
+    best, best_turns = np.inf, _NOWHERE
+    for n in turns:
+        angle = heading + n * turn
+        dx, dz = -forward * np.sin(angle), -forward * np.cos(angle)
+        ax, ay, az, cell = step(ground, reach, x, y, z, dx, dz)
+        if cell < 0:
+            return _NOWHERE
+        nearest = look_up(ground, way, island, slack, reach, SNAP_DISTANCE, ax, ay, az)[0]
+        if nearest > goal_radius:
+            ax, ay, az, _ = step(ground, reach, ax, ay, az, dx, dz)
+            nearest = 0.5 * (nearest + look_up(ground, way, island, slack, reach, SNAP_DISTANCE, ax, ay, az)[0])
+        value = nearest + 0.01 * forward * abs(n)
+        if value < best - 1e-9 and nearest < here - 1e-6:
+            best, best_turns = value, n
+    return best_turns

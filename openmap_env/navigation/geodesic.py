@@ -31,50 +31,36 @@ def cell_centres(cells: Cells, grid: Grid) -> npt.NDArray[np.float64]:
     )
 
 
-def distance_to(
-    cells: Cells,
-    centres: npt.NDArray[np.float64],
-    grid: Grid,
-    step_height: float,
-    goals: npt.NDArray[np.float64],
-    goal_cells: npt.NDArray[np.int64],
-    until: int = -1,
-) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
-    """Distance (N,) m from each cell's centre to the nearest goal, inf where there is no way, and its anchor (N,).
+@nb.njit(cache=True)
+def distance_at(ground, way, slack, point, cell):  # type: ignore[no-untyped-def]
+    """Distance m from a point (3,) on the floor of a cell to the nearest goal, and the next corner on the way there.
 
-    ``goals`` (G, 3) m lie in ``goal_cells`` (G,). Anchor a >= 0 is the centre of cell a, -1 - g is goal g. With ``until``
-    the search ends once that cell is reached; cells further off are then unfinished (inf).
+    ``way`` is (centres, distance, anchor, goals, goal_cells) with what ``distances`` gives. The next corner is the cell's own
+    anchor, or, where the point does not see what the middle of its cell sees, the middle of the cell.
     """
-    origin = np.array([grid.origin_x, grid.origin_z])
-    return _any_angle(  # type: ignore[no-any-return]
-        cells.neighbour, cells.ix, cells.iz, centres, origin, grid.cell, step_height, goals, goal_cells, until
-    )
-
-
-def sees(
-    cells: Cells,
-    grid: Grid,
-    step_height: float,
-    a: npt.NDArray[np.float64],
-    cell_a: int,
-    b: npt.NDArray[np.float64],
-    cell_b: int,
-) -> bool:
-    """Whether the straight line from a (3,) m in one cell to b (3,) m in another stays on the surface."""
-    origin = np.array([grid.origin_x, grid.origin_z])
-    return bool(
-        _sees(cells.neighbour, cells.ix, cells.iz, cells.floor, origin, grid.cell, step_height, a, cell_a, b, cell_b)
-    )
+    centres, distance, anchor, goals, goal_cells = way
+    a = anchor[cell]
+    if a == NO_ANCHOR:
+        return np.inf, a
+    place = _place(a, centres, goals)
+    a_cell = a if a >= 0 else goal_cells[-1 - a]
+    if a_cell != cell and not sees(ground, slack, point, cell, place, a_cell):
+        return _length(point, centres[cell]) + distance[cell], cell
+    return _length(point, place) + (distance[a] if a >= 0 else 0.0), a
 
 
 @nb.njit(cache=True)
-def _sees(neighbour, ix, iz, floor, origin, size, slack, a, cell_a, b, cell_b):  # type: ignore[no-untyped-def]
-    """Walk from cell to cell along the line; ``slack`` is how far the floor may be from it."""
+def sees(ground, slack, a, cell_a, b, cell_b):  # type: ignore[no-untyped-def]
+    """Whether the straight line from a (3,) m in one cell to b (3,) m in another stays on the surface.
+
+    It is walked from cell to cell; ``slack`` is how far the floor may be from it.
+    """
+    _, ix, iz, floor, neighbour, _, origin_x, origin_z, size, _, _ = ground
     dx, dz = (b[0] - a[0]) / size, (b[2] - a[2]) / size
     steps_x, steps_z = ix[cell_b] - ix[cell_a], iz[cell_b] - iz[cell_a]
     sign_x, sign_z = (1 if steps_x > 0 else -1), (1 if steps_z > 0 else -1)
     left_x, left_z = abs(steps_x), abs(steps_z)
-    ax, az = (a[0] - origin[0]) / size - ix[cell_a], (a[2] - origin[1]) / size - iz[cell_a]
+    ax, az = (a[0] - origin_x) / size - ix[cell_a], (a[2] - origin_z) / size - iz[cell_a]
     # Share of the line at which the next border in x and in z is crossed.
     t_x = ((1.0 - ax) if sign_x > 0 else ax) / abs(dx) if left_x > 0 else np.inf
     t_z = ((1.0 - az) if sign_z > 0 else az) / abs(dz) if left_z > 0 else np.inf
@@ -149,10 +135,9 @@ def _sink(heap, slot, key, n, i):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(cache=True)
-def _settle_anchor(  # type: ignore[no-untyped-def]
-    i, neighbour, ix, iz, centres, origin, size, slack, goals, goal_cells, distance, anchor, settled
-):
+def _settle_anchor(i, ground, centres, slack, goals, goal_cells, distance, anchor, settled):  # type: ignore[no-untyped-def]
     """The best of what the settled neighbours offer cell i: the anchor of one, or one beyond, if seen, else the neighbour."""
+    neighbour = ground[4]
     best, best_anchor, turns_here = np.inf, NO_ANCHOR, False
     for d in range(8):
         j = neighbour[i, d]
@@ -163,7 +148,7 @@ def _settle_anchor(  # type: ignore[no-untyped-def]
         through = _length(centres[i], place) + (distance[a] if a >= 0 else 0.0)
         if through < best:
             a_cell = a if a >= 0 else goal_cells[-1 - a]
-            if _sees(neighbour, ix, iz, centres[:, 1], origin, size, slack, centres[i], i, place, a_cell):
+            if sees(ground, slack, centres[i], i, place, a_cell):
                 best, best_anchor, turns_here = through, a, False
         step = distance[j] + _length(centres[i], centres[j])
         if step < best:
@@ -178,17 +163,20 @@ def _settle_anchor(  # type: ignore[no-untyped-def]
         place = _place(a, centres, goals)
         a_cell = a if a >= 0 else goal_cells[-1 - a]
         look -= 1
-        if _sees(neighbour, ix, iz, centres[:, 1], origin, size, slack, centres[i], i, place, a_cell):
+        if sees(ground, slack, centres[i], i, place, a_cell):
             best, best_anchor = _length(centres[i], place) + (distance[a] if a >= 0 else 0.0), a
             look = LOOK_BEYOND
     return best, best_anchor
 
 
 @nb.njit(cache=True)
-def _any_angle(  # type: ignore[no-untyped-def]
-    neighbour, ix, iz, centres, origin, size, slack, goals, goal_cells, until
-):
-    n = len(centres)
+def distances(ground, centres, slack, goals, goal_cells, until):  # type: ignore[no-untyped-def]
+    """Distance (N,) m from each cell's centre to the nearest goal, inf where there is no way, and its anchor (N,).
+
+    ``goals`` (G, 3) m lie in ``goal_cells`` (G,). Anchor a >= 0 is the centre of cell a, -1 - g is goal g. With ``until`` >= 0
+    the search ends once that cell is reached; cells further off are then unfinished (inf).
+    """
+    n, neighbour = len(centres), ground[4]
     distance, anchor = np.full(n, np.inf), np.full(n, NO_ANCHOR, np.int64)
     settled, checked = np.zeros(n, np.bool_), np.zeros(n, np.bool_)
     heap, slot = np.empty(n, np.int64), np.full(n, -1, np.int64)
@@ -207,7 +195,7 @@ def _any_angle(  # type: ignore[no-untyped-def]
         if not checked[i]:
             # The anchor was taken over on trust; look now, and queue again with what is true.
             distance[i], anchor[i] = _settle_anchor(
-                i, neighbour, ix, iz, centres, origin, size, slack, goals, goal_cells, distance, anchor, settled
+                i, ground, centres, slack, goals, goal_cells, distance, anchor, settled
             )
             checked[i] = True
             _sink(heap, slot, distance, count, 0)

@@ -66,13 +66,9 @@ def solid_spans(
     vertices: npt.NDArray[np.floating], faces: npt.NDArray[np.integer], grid: Grid, step_height: float
 ) -> Spans:
     """Solid spans of a mesh of vertices (V, 3) m and triangles (F, 3) over a grid; ``step_height`` in m."""
-    v = np.ascontiguousarray(vertices, np.float64)
-    f = np.ascontiguousarray(faces, np.int64)
-    normal = np.cross(v[f[:, 1]] - v[f[:, 0]], v[f[:, 2]] - v[f[:, 0]])
-    length = np.linalg.norm(normal, axis=1)
-    flat = np.abs(normal[:, 1]) >= math.cos(math.radians(MAX_SLOPE_DEG + 1e-3)) * length
-    flat &= length > 0.0
-    column, low, high, is_flat = _rasterise(v, f, flat, grid.origin_x, grid.origin_z, grid.cell, grid.nx, grid.nz)
+    v, f = np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64)
+    upright = math.cos(math.radians(MAX_SLOPE_DEG + 1e-3))
+    column, low, high, is_flat = _rasterise(v, f, upright, grid.origin_x, grid.origin_z, grid.cell, grid.nx, grid.nz)
     return Spans(*_merge(column, low, high, is_flat, grid.nx * grid.nz, step_height))
 
 
@@ -103,7 +99,17 @@ def _index(coordinate, origin, cell, n):  # type: ignore[no-untyped-def]
 
 
 @nb.njit(cache=True)
-def _rasterise(vertices, faces, flat, ox, oz, cell, nx, nz):  # type: ignore[no-untyped-def]
+def _is_flat(triangle, upright):  # type: ignore[no-untyped-def]
+    """Whether the vertical part of a triangle's normal is at least ``upright`` of it; no triangle without an area is flat."""
+    ax, ay, az = triangle[1, 0] - triangle[0, 0], triangle[1, 1] - triangle[0, 1], triangle[1, 2] - triangle[0, 2]
+    bx, by, bz = triangle[2, 0] - triangle[0, 0], triangle[2, 1] - triangle[0, 1], triangle[2, 2] - triangle[0, 2]
+    nx, ny, nz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    length = np.sqrt(nx * nx + ny * ny + nz * nz)
+    return length > 0.0 and abs(ny) >= upright * length
+
+
+@nb.njit(cache=True)
+def _rasterise(vertices, faces, upright, ox, oz, cell, nx, nz):  # type: ignore[no-untyped-def]
     """Column, lowest and highest point of each triangle within each column that it touches, and whether it is flat."""
     capacity = 4 * len(faces) + 1024
     column, low, high = np.empty(capacity, np.int64), np.empty(capacity), np.empty(capacity)
@@ -114,18 +120,27 @@ def _rasterise(vertices, faces, flat, ox, oz, cell, nx, nz):  # type: ignore[no-
     for f in range(len(faces)):
         for k in range(3):
             triangle[k] = vertices[faces[f, k]]
+        flat = _is_flat(triangle, upright)
         z_first = _index(min(triangle[0, 2], triangle[1, 2], triangle[2, 2]), oz, cell, nz)
         z_last = _index(max(triangle[0, 2], triangle[1, 2], triangle[2, 2]), oz, cell, nz)
         for iz in range(z_first, z_last + 1):
-            n = _clip(triangle, 3, 2, oz + iz * cell, 1.0, spare)
-            n = _clip(spare, n, 2, oz + (iz + 1) * cell, -1.0, row)
+            if z_first == z_last:
+                n = 3
+                row[:3] = triangle[:3]
+            else:
+                n = _clip(triangle, 3, 2, oz + iz * cell, 1.0, spare)
+                n = _clip(spare, n, 2, oz + (iz + 1) * cell, -1.0, row)
             if n == 0:
                 continue
             x_first = _index(row[:n, 0].min(), ox, cell, nx)
             x_last = _index(row[:n, 0].max(), ox, cell, nx)
             for ix in range(x_first, x_last + 1):
-                m = _clip(row, n, 0, ox + ix * cell, 1.0, spare)
-                m = _clip(spare, m, 0, ox + (ix + 1) * cell, -1.0, part)
+                if x_first == x_last:
+                    m = n
+                    part[:n] = row[:n]
+                else:
+                    m = _clip(row, n, 0, ox + ix * cell, 1.0, spare)
+                    m = _clip(spare, m, 0, ox + (ix + 1) * cell, -1.0, part)
                 if m == 0:
                     continue
                 if count == capacity:
@@ -136,7 +151,7 @@ def _rasterise(vertices, faces, flat, ox, oz, cell, nx, nz):  # type: ignore[no-
                     is_flat = np.concatenate((is_flat, np.empty(capacity - count, np.bool_)))
                 column[count] = iz * nx + ix
                 low[count], high[count] = part[:m, 1].min(), part[:m, 1].max()
-                is_flat[count] = flat[f]
+                is_flat[count] = flat
                 count += 1
     return column[:count], low[:count], high[:count], is_flat[:count]
 

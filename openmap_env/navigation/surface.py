@@ -6,21 +6,32 @@ the body stands on. Islands are numbered from the one that matters most: 0 is th
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
+from openmap_env.kept import Arrays, kept
+from openmap_env.navigation import cells as cells_module
+from openmap_env.navigation import gaps, heightfield
 from openmap_env.navigation.cells import Body, Cells, label_islands, standing_cells
-from openmap_env.navigation.geodesic import NO_ANCHOR, cell_centres, distance_to, sees
+from openmap_env.navigation.field import SNAP_DISTANCE, DistanceField, xyz
+from openmap_env.navigation.gaps import close_gaps
+from openmap_env.navigation.geodesic import cell_centres
 from openmap_env.navigation.heightfield import Grid, solid_spans
-from openmap_env.navigation.motion import locate, slide
+from openmap_env.navigation.motion import locate, nearest, step
 from openmap_scenes import Scene
 
+__all__ = ["CELL", "SNAP_DISTANCE", "DistanceField", "NavigableSurface", "TopDownMap"]
+
 Point = npt.NDArray[np.float64]
+Islands = tuple[npt.NDArray[np.int32], npt.NDArray[np.int64], npt.NDArray[np.int64]]
 CELL = 0.05
-SNAP_DISTANCE = 0.5
+KEPT_FROM = 5_000
+"""Meshes with fewer faces than this have their surface sooner than it is found and opened."""
 
 
 @dataclass(frozen=True)
@@ -50,16 +61,22 @@ class TopDownMap:
 class NavigableSurface:
     """Cells on which a body can stand; make one with ``from_scene``."""
 
-    def __init__(self, cells: Cells, grid: Grid, body: Body) -> None:
+    def __init__(self, cells: Cells, grid: Grid, body: Body, islands: Islands | None = None) -> None:
         self.cells, self.grid, self.body = cells, grid, body
-        self.centres = cell_centres(cells, grid)
-        self.island, sizes, grounded = label_islands(cells)
+        self.island, sizes, grounded = islands or label_islands(cells)
         self.island_areas: Point = np.asarray(sizes * grid.cell**2, np.float64)
         """Area (K,) m2 of each island."""
         self.grounded_areas: Point = np.asarray(grounded * grid.cell**2, np.float64)
         """Area (K,) m2 of each island that is no roof: with something above it or nothing below."""
-        self._origin = np.array([grid.origin_x, grid.origin_z])
-        self._trees: dict[int | None, tuple[cKDTree, npt.NDArray[np.int64]]] = {}
+        self.ground = cells.ground(grid)
+        """What compiled code is told of the surface; see ``Cells.ground``."""
+        self.reach = body.step_height + 0.05
+        """A position is on a cell if it is over or under it by at most this, m."""
+
+    @cached_property
+    def centres(self) -> Point:
+        """The middle (N, 3) m of each cell, on the floor."""
+        return cell_centres(self.cells, self.grid)
 
     @classmethod
     def from_scene(
@@ -67,8 +84,12 @@ class NavigableSurface:
         scene: Scene | tuple[npt.ArrayLike, npt.ArrayLike],
         body: Body | None = None,
         cell: float = CELL,
+        *,
+        keep: bool = True,
     ) -> NavigableSurface:
         """The surface of a scene, or of (vertices (V, 3) m, faces (F, 3)), for a body, on a grid of ``cell`` m.
+
+        With ``keep`` it is kept on disk for other processes (see ``openmap_env.kept``), and opened where it was kept before.
 
         Raises
         ------
@@ -76,26 +97,31 @@ class NavigableSurface:
             The arrays are no mesh, the mesh is too large for the grid, or there is nowhere to stand.
         """
         body = body or Body()
-        vertices, faces = (scene.vertices, scene.faces) if isinstance(scene, Scene) else scene
-        v, f = np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
-        if v.ndim != 2 or v.shape[1] != 3 or f.ndim != 2 or f.shape[1] != 3 or len(f) == 0:
-            raise ValueError(f"mesh has vertices {v.shape} and faces {f.shape}, expected (V, 3) and (F, 3), F > 0")
-        if f.min() < 0 or f.max() >= len(v) or not np.isfinite(v).all():
-            raise ValueError("mesh has faces without a vertex, or vertices that are not finite")
-        grid = Grid.over(v, cell)
-        surface = cls(standing_cells(solid_spans(v, f, grid, body.step_height), grid, body), grid, body)
-        if len(surface.centres) == 0:
+        vertices, faces = map(np.asarray, (scene.vertices, scene.faces) if isinstance(scene, Scene) else scene)
+        if vertices.ndim != 2 or vertices.shape[1] != 3 or faces.ndim != 2 or faces.shape[1] != 3 or len(faces) == 0:
             raise ValueError(
-                f"a body of radius {body.radius} m and height {body.height} m can stand nowhere on this mesh of extent "
-                f"{np.ptp(v, axis=0).round(2).tolist()} m; expected a floor. Check that the mesh is Y up and in metres"
+                f"mesh has vertices {vertices.shape} and faces {faces.shape}, expected (V, 3) and (F, 3), F > 0"
             )
-        return surface
+        if not 0.0 < cell < np.inf:
+            raise ValueError(f"cell is {cell} m, expected more than 0")
+        if keep and len(faces) >= KEPT_FROM:
+            made = kept(
+                "navigable",
+                (vertices, faces, repr(body), repr(float(cell))),
+                (heightfield, gaps, cells_module),
+                lambda: _make(vertices, faces, body, cell),
+            )
+        else:
+            made = _make(vertices, faces, body, cell)
+        origin_x, origin_z, size, nx, nz = made["grid"].tolist()
+        islands = (np.asarray(made["island"]), made["sizes"], made["grounded_sizes"])
+        cells = Cells(*(made[name] for name in Cells.__dataclass_fields__))
+        return cls(cells, Grid(origin_x, origin_z, size, int(nx), int(nz)), body, islands)
 
     def locate(self, position: npt.ArrayLike) -> int:
         """The cell that a position (3,) m is on, -1 for none: over or under it by at most a step (and a little)."""
-        x, y, z = np.asarray(position, np.float64)
-        c, g = self.cells, self.grid
-        return int(locate(c.start, c.floor, self._origin, g.cell, g.nx, g.nz, x, y, z, self.body.step_height + 0.05))
+        x, y, z = np.asarray(position, np.float64).tolist()
+        return int(locate(self.ground, x, y, z, self.reach))
 
     def is_navigable(self, position: npt.ArrayLike) -> bool:
         """Whether a body can stand at a position (3,) m."""
@@ -113,33 +139,14 @@ class NavigableSurface:
 
         A position over or under a cell keeps its x and z.
         """
-        p = np.asarray(position, np.float64)
-        if p.shape != (3,) or not np.isfinite(p).all():
-            raise ValueError(f"position is {position!r}, expected three finite numbers")
-        cell = self.locate(p)
-        if (
-            cell >= 0
-            and island in (None, int(self.island[cell]))
-            and abs(self.cells.floor[cell] - p[1]) <= max_distance
-        ):
-            return np.array([p[0], self.cells.floor[cell], p[2]])
-        tree, members = self._tree(island)
-        # Centres lie up to half a diagonal from the nearest point of their cell.
-        near = np.array(sorted(tree.query_ball_point(p, max_distance + self.grid.cell)), np.int64)
-        if len(near) == 0:
-            return None
-        centres, inside = self.centres[members[near]], 0.499 * self.grid.cell
-        candidates = centres.copy()
-        candidates[:, (0, 2)] += np.clip(p[[0, 2]] - centres[:, (0, 2)], -inside, inside)
-        off = np.linalg.norm(candidates - p, axis=1)
-        best = int(np.argmin(off))
-        return np.asarray(candidates[best]) if off[best] <= max_distance else None
+        x, y, z = xyz(position)
+        wanted = -1 if island is None else self._known(island)
+        x, z, cell = nearest(self.ground, self.island, wanted, x, y, z, self.reach, float(max_distance))
+        return np.array([x, self.cells.floor[cell], z]) if cell >= 0 else None
 
     def random_point(self, rng: np.random.Generator, island: int | None = None) -> Point:
         """A place (3,) m drawn evenly from an island, by default the main one (0)."""
-        members = np.flatnonzero(self.island == (island or 0))
-        if len(members) == 0:
-            raise ValueError(f"there is no island {island}, expected one of 0..{len(self.island_areas) - 1}")
+        members = np.flatnonzero(self.island == self._known(island or 0))
         point = self.centres[members[rng.integers(len(members))]].copy()
         point[[0, 2]] += rng.uniform(-0.499, 0.499, 2) * self.grid.cell
         return np.asarray(point)
@@ -198,17 +205,14 @@ class NavigableSurface:
         ValueError
             The position is not on the surface.
         """
-        p, d = np.asarray(position, np.float64), np.asarray(displacement, np.float64)
-        cell = self.locate(p)
-        if cell < 0:
-            raise ValueError(f"position {p.tolist()} is not on the navigable surface; snap it first")
-        if not np.isfinite(d).all():
+        x, y, z = np.asarray(position, np.float64).tolist()
+        dx, dy, dz = np.asarray(displacement, np.float64).tolist()
+        if not math.isfinite(dx + dy + dz):
             raise ValueError(f"displacement is {displacement!r}, expected finite numbers")
-        c = self.cells
-        x, z, cell = slide(
-            c.neighbour, c.ix, c.iz, c.away, self._origin, self.grid.cell, cell, p[0], p[2], float(d[0]), float(d[2])
-        )
-        return np.array([x, c.floor[cell], z])
+        x, y, z, cell = step(self.ground, self.reach, x, y, z, dx, dz)
+        if cell < 0:
+            raise ValueError(f"position {[x, y, z]} is not on the navigable surface; snap it first")
+        return np.array([x, y, z])
 
     def points_near_box(
         self, aabb_min: npt.ArrayLike, aabb_max: npt.ArrayLike, distance: float, island: int | None = 0
@@ -233,82 +237,25 @@ class NavigableSurface:
         navigable[self.cells.iz[members], self.cells.ix[members]] = True
         return TopDownMap(navigable, (self.grid.origin_x, self.grid.origin_z), self.grid.cell)
 
-    def _tree(self, island: int | None) -> tuple[cKDTree, npt.NDArray[np.int64]]:
-        if island not in self._trees:
-            members = np.arange(len(self.island)) if island is None else np.flatnonzero(self.island == island)
-            if len(members) == 0:
-                raise ValueError(f"there is no island {island}, expected one of 0..{len(self.island_areas) - 1}")
-            self._trees[island] = (cKDTree(self.centres[members]), members)
-        return self._trees[island]
+    def _known(self, island: int) -> int:
+        if not 0 <= island < len(self.island_areas):
+            raise ValueError(f"there is no island {island}, expected one of 0..{len(self.island_areas) - 1}")
+        return int(island)
 
 
-class DistanceField:
-    """The way to the nearest of fixed goals from everywhere; a look-up costs no search.
-
-    Parameters
-    ----------
-    surface : NavigableSurface
-    goals : (G, 3) float64 m
-        On the surface.
-    until : int
-        Search no further than to this cell; -1 = everywhere.
-    """
-
-    def __init__(self, surface: NavigableSurface, goals: Point, until: int = -1) -> None:
-        self.surface, self.goals = surface, goals
-        self._goal_cells = np.array([surface.locate(g) for g in goals], np.int64)
-        self._distance, self._anchor = distance_to(
-            surface.cells,
-            surface.centres,
-            surface.grid,
-            surface.body.step_height,
-            goals,
-            self._goal_cells,
-            until,
+def _make(vertices: npt.NDArray[Any], faces: npt.NDArray[Any], body: Body, cell: float) -> Arrays:
+    """The grid, the fields of ``Cells`` and what ``label_islands`` gives, as arrays by name."""
+    v, f = np.asarray(vertices, np.float64), np.asarray(faces, np.int64)
+    if f.min() < 0 or f.max() >= len(v) or not np.isfinite(v).all():
+        raise ValueError("mesh has faces without a vertex, or vertices that are not finite")
+    grid = Grid.over(v, cell)
+    spans = close_gaps(solid_spans(v, f, grid, body.step_height), grid, body)
+    cells = standing_cells(spans, grid, body)
+    if len(cells.floor) == 0:
+        raise ValueError(
+            f"a body of radius {body.radius} m and height {body.height} m can stand nowhere on this mesh of extent "
+            f"{np.ptp(v, axis=0).round(2).tolist()} m; expected a floor. Check that the mesh is Y up and in metres"
         )
-
-    def distance(self, position: npt.ArrayLike) -> float:
-        """Metres from a position (3,) m (snapped if it is off the surface) to the nearest goal; inf where there is no way."""
-        p = np.asarray(position, np.float64)
-        cell, p = self._stand(p)
-        if cell < 0 or self._anchor[cell] == NO_ANCHOR:
-            return float("inf")
-        anchor = self._first_anchor(p, cell)
-        return float(np.linalg.norm(p - self._place(anchor)) + (self._distance[anchor] if anchor >= 0 else 0.0))
-
-    def path(self, position: npt.ArrayLike) -> Point:
-        """Corners (n, 3) m from a position (3,) m to the nearest goal, both ends included.
-
-        Raises
-        ------
-        ValueError
-            There is no way.
-        """
-        p = np.asarray(position, np.float64)
-        cell, p = self._stand(p)
-        if cell < 0 or self._anchor[cell] == NO_ANCHOR:
-            raise ValueError(f"no goal can be reached from {p.tolist()}")
-        corners = [p]
-        anchor = self._first_anchor(p, cell)
-        while anchor >= 0:
-            corners.append(self.surface.centres[anchor])
-            anchor = int(self._anchor[anchor])
-        return np.array([*corners, self._place(anchor)])
-
-    def _stand(self, p: Point) -> tuple[int, Point]:
-        cell = self.surface.locate(p)
-        if cell >= 0:
-            return cell, np.array([p[0], self.surface.cells.floor[cell], p[2]])
-        snapped = self.surface.snap(p)
-        return (-1, p) if snapped is None else (self.surface.locate(snapped), snapped)
-
-    def _place(self, anchor: int) -> Point:
-        return np.asarray(self.surface.centres[anchor] if anchor >= 0 else self.goals[-1 - anchor])
-
-    def _first_anchor(self, p: Point, cell: int) -> int:
-        """The cell's own anchor, or, where p does not see what the middle of its cell sees, the middle of the cell."""
-        s, anchor = self.surface, int(self._anchor[cell])
-        anchor_cell = anchor if anchor >= 0 else int(self._goal_cells[-1 - anchor])
-        if anchor_cell == cell or sees(s.cells, s.grid, s.body.step_height, p, cell, self._place(anchor), anchor_cell):
-            return anchor
-        return cell
+    island, sizes, grounded = label_islands(cells)
+    frame = np.array([grid.origin_x, grid.origin_z, grid.cell, grid.nx, grid.nz])
+    return {**vars(cells), "grid": frame, "island": island, "sizes": sizes, "grounded_sizes": grounded}

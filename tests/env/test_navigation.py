@@ -48,9 +48,13 @@ def room(width: float, depth: float, *segments: Segment) -> Mesh:
 
 
 def raster_surface(free: npt.NDArray[np.bool_], body: Body = SLIM) -> NavigableSurface:
-    """A surface whose columns (iz, ix) can be stood on where ``free`` says so; cell centres are at multiples of 5 cm."""
+    """A surface whose columns (iz, ix) can be stood on where ``free`` says so; cell centres are at multiples of 5 cm.
+
+    On the others stand pillars: a hole that small would be walked over.
+    """
     tiles = [floor(x - 0.024, x + 0.024, z - 0.024, z + 0.024) for z, x in 0.05 * np.argwhere(free)]
-    return NavigableSurface.from_scene(quads(*tiles), body)
+    pillars = [wall(x, z - 0.024, x, z + 0.024) for z, x in 0.05 * np.argwhere(~free)]
+    return NavigableSurface.from_scene(quads(*tiles, *pillars), body)
 
 
 @pytest.fixture(scope="module")
@@ -60,7 +64,10 @@ def two_rooms() -> NavigableSurface:
 
 
 def crosses(a: npt.NDArray[np.float64], b: npt.NDArray[np.float64], s: Segment) -> bool:
-    """Whether the way from a to b, seen from above, crosses a wall."""
+    """Whether the way from a to b, seen from above, crosses a wall; its last 2 cm aside, around which a slim body slides."""
+    length = math.hypot(s[2] - s[0], s[3] - s[1])
+    cut_x, cut_z = (0.02 * (s[2] - s[0]) / length, 0.02 * (s[3] - s[1]) / length) if length > 0.04 else (0.0, 0.0)
+    s = (s[0] + cut_x, s[1] + cut_z, s[2] - cut_x, s[3] - cut_z)
 
     def side(px: float, pz: float, qx: float, qz: float, rx: float, rz: float) -> float:
         return (qx - px) * (rz - pz) - (qz - pz) * (rx - px)
