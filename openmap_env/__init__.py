@@ -8,6 +8,10 @@ import gymnasium
 ENV_ID = "OpenMapNav-v0"
 
 if ENV_ID not in gymnasium.registry:
-    gymnasium.register(id=ENV_ID, entry_point="openmap_env.env:OpenMapNavEnv")
+    gymnasium.register(
+        id=ENV_ID,
+        entry_point="openmap_env.env:OpenMapNavEnv",
+        vector_entry_point="openmap_env.vector:OpenMapNavVectorEnv",
+    )
 
 __all__ = ["ENV_ID"]

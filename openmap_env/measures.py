@@ -1,5 +1,20 @@
 """What an episode is scored by: one small class per measure, each a function of the walk that was made.
 
+One more takes a few lines, and ``gym.make("OpenMapNav-v0", measures=(Backtracking(),))`` adds it to ``info["metrics"]``:
+
+    @dataclass(frozen=True)
+    class Backtracking:
+        # The share of the walk that was spent where the body had been before, on a grid of 10 cm.
+        name = "backtracking"
+        needs_targets = False
+
+        def value(self, walk: Walk) -> float:
+            places = np.round(np.array(walk.path) / 0.1)
+            return 1.0 - len(np.unique(places, axis=0)) / len(places)
+
+The same walk gives the same numbers, so that two runs can be compared: the only measure that reads a clock, ``WallTime``, is not
+among those of every episode; ``steps`` is the time that passed in the simulated world.
+
 Positions are world frame, metres. A measure reads a ``Walk`` and gives a number; success counts as 1.0, failure as 0.0.
 The answer of an episode is what the agent declared; an agent that stopped and declared nothing has declared where it stands
 (on the floor); an agent that did neither gave no answer.
@@ -8,6 +23,7 @@ The answer of an episode is what the agent declared; an agent that stopped and d
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
@@ -15,12 +31,15 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from openmap_env.coverage import covered_share
 from openmap_env.episodes.episode import Target
-from openmap_env.navigation.surface import DistanceField
+from openmap_env.navigation.surface import DistanceField, NavigableSurface
 
 SUCCESS_RADIUS = 1.0
 """Metres: the paper's success radius, used by every success measure."""
 SR_KS = (1, 4, 8, 16)
+COVERAGE_RADIUS = 2.0
+"""Metres."""
 
 
 @dataclass
@@ -41,6 +60,10 @@ class Walk:
         Declared places, best first.
     stopped : bool
         Whether the agent has played STOP.
+    surface : NavigableSurface or None
+        What it was made on; None leaves out what needs it.
+    started : float
+        When it began, s on ``time.perf_counter``.
     """
 
     targets: tuple[Target, ...]
@@ -49,6 +72,8 @@ class Walk:
     collisions: int = 0
     declared: npt.NDArray[np.float64] = field(default_factory=lambda: np.empty((0, 3)))
     stopped: bool = False
+    surface: NavigableSurface | None = None
+    started: float = field(default_factory=time.perf_counter)
 
     @property
     def answer(self) -> npt.NDArray[np.float64]:
@@ -63,7 +88,10 @@ class Walk:
 
 
 class Measure(Protocol):
-    """A name in ``info["metrics"]`` and how its number follows from a walk."""
+    """A name in ``info["metrics"]`` and how its number follows from a walk.
+
+    One that reads ``walk.surface`` says so by ``needs_surface = True``.
+    """
 
     @property
     def name(self) -> str: ...
@@ -189,6 +217,35 @@ class Collisions:
         return float(walk.collisions)
 
 
+@dataclass(frozen=True)
+class Coverage:
+    """``coverage``: share of the floor that it began on, within 2.0 m of where the body stood, in plain sight.
+
+    The floor is the island of the navigable surface that holds the start, by area. In plain sight is what a straight line over
+    that surface reaches, so nothing behind a wall, and nothing behind furniture that stands on the floor
+    (``coverage.covered_cells``).
+    """
+
+    name = "coverage"
+    needs_targets = False
+    needs_surface = True
+
+    def value(self, walk: Walk) -> float:
+        assert walk.surface is not None
+        return covered_share(walk.surface, walk.path, COVERAGE_RADIUS)
+
+
+@dataclass(frozen=True)
+class WallTime:
+    """``wall_time``: seconds since the episode began, the agent's own included. Differs from run to run: only where asked for."""
+
+    name = "wall_time"
+    needs_targets = False
+
+    def value(self, walk: Walk) -> float:
+        return time.perf_counter() - walk.started
+
+
 def default_measures() -> tuple[Measure, ...]:
     """Every measure that ``info["metrics"]`` holds."""
     return (
@@ -200,10 +257,26 @@ def default_measures() -> tuple[Measure, ...]:
         PathLength(),
         Steps(),
         Collisions(),
+        Coverage(),
     )
 
 
-def score(walk: Walk, measures: Sequence[Measure] | None = None) -> dict[str, float]:
-    """The measures of a walk by name; without targets, only those that need none."""
-    chosen = default_measures() if measures is None else measures
-    return {m.name: m.value(walk) for m in chosen if walk.targets or not m.needs_targets}
+def score(walk: Walk, measures: Sequence[Measure] | None = None, extra: Sequence[Measure] = ()) -> dict[str, float]:
+    """The measures of a walk by name, and ``extra`` ones; without targets or surface, only those that need none.
+
+    Raises
+    ------
+    ValueError
+        Two measures have one name.
+    """
+    chosen = (*(default_measures() if measures is None else measures), *extra)
+    names = [m.name for m in chosen]
+    if len(set(names)) < len(names):
+        twice = sorted({name for name in names if names.count(name) > 1})
+        raise ValueError(f"several measures are called {', '.join(twice)}, expected a name of its own for each")
+    return {
+        m.name: m.value(walk)
+        for m in chosen
+        if (walk.targets or not m.needs_targets)
+        and (walk.surface is not None or not getattr(m, "needs_surface", False))
+    }

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+import textwrap
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from openmap_env import measures
 from openmap_env.episodes import Target
 from openmap_env.episodes.readers import target_of
 from openmap_env.goals import places_at, way_to
-from openmap_env.measures import SR_KS, Walk, score
+from openmap_env.measures import SR_KS, Steps, Walk, WallTime, score
 
 numbers = st.floats(-3.0, 3.0, allow_nan=False, width=32)
 points = st.tuples(numbers, numbers, numbers)
@@ -137,3 +139,70 @@ def test_what_is_out_of_reach_is_infinitely_far(toy_scene, toy_surface):
     assert way_to(toy_surface, toy_scene, [far], island=0) is None
     metrics = score(walk_of([far]))
     assert (metrics["distance_to_goal"], metrics["nav_success"], metrics["spl"]) == (math.inf, 0.0, 0.0)
+
+
+def covered_plainly(scene_surface, path, radius) -> float:
+    """``coverage`` once more, on one floor, written as it is defined: cell by cell, each line from scratch."""
+    s, reach = scene_surface, round(radius / scene_surface.grid.cell)
+    island = s.island_of(path[0])
+    where = {(int(s.cells.ix[i]), int(s.cells.iz[i])): int(i) for i in np.flatnonzero(s.island == island)}
+    covered = set()
+    for place in {s.locate(p) for p in path}:
+        covered.add(place)
+        at = int(s.cells.ix[place]), int(s.cells.iz[place])
+        edges = [
+            (a, b) for a in range(-reach, reach + 1) for b in range(-reach, reach + 1) if max(abs(a), abs(b)) == reach
+        ]
+        for a, b in edges:
+            before = at
+            for i in range(1, reach + 1):
+                x, z = (int(math.copysign(math.floor(abs(v) * i / reach + 0.5), v)) for v in (a, b))
+                here = at[0] + x, at[1] + z
+                step = here[0] - before[0], here[1] - before[1]
+                corners = [here, (before[0] + step[0], before[1]), (before[0], before[1] + step[1])]
+                if x * x + z * z > reach * reach or any(c not in where for c in corners):
+                    break
+                covered.add(where[here])
+                before = here
+    return len(covered) / int((s.island == island).sum())
+
+
+def test_coverage_agrees_with_its_definition_written_plainly(toy_surface):
+    path = [toy_surface.snap([x, 0.0, 0.0]) for x in (-3.0, -2.5, -2.0)]
+    walk = Walk((), None, path, surface=toy_surface)
+    plain = covered_plainly(toy_surface, path, 2.0)
+    assert 0.1 < plain < 0.9
+    assert score(walk)["coverage"] == pytest.approx(plain, abs=1e-12)
+
+
+def test_coverage_grows_along_the_way_and_stops_at_walls(toy_surface):
+    # 1 m from the wall to the bedroom, away from its door: only the living room is near.
+    beside = toy_surface.snap([-1.2, 0.0, -1.4])
+    covered = score(Walk((), None, [beside], surface=toy_surface))["coverage"]
+    living = ((toy_surface.centres[:, 0] > -2.0) & (toy_surface.island == 0)).sum() / (toy_surface.island == 0).sum()
+    assert 0.0 < covered < living
+    path = [toy_surface.snap([x, 0.0, 0.0]) for x in np.arange(-5.0, 5.5, 0.5)]
+    grown = [score(Walk((), None, path[:n], surface=toy_surface))["coverage"] for n in (1, 8, len(path))]
+    assert grown == sorted(grown)
+    assert 0.9 < grown[-1] <= 1.0
+
+
+def test_the_measure_in_the_documentation_works_as_it_stands(toy_surface):
+    text = measures.__doc__.split('info["metrics"]``:')[1].split("The same walk")[0]
+    assert len(text.strip().splitlines()) <= 10
+    names = {"dataclass": dataclass, "np": np, "Walk": Walk}
+    exec(textwrap.dedent(text), names)
+    walk = walk_of([], path=[(0, 0, 0), (1, 0, 0), (0, 0, 0), (1, 0, 0)])
+    assert score(walk, extra=[names["Backtracking"]()])["backtracking"] == 0.5
+
+
+def test_wall_time_is_measured_only_where_asked_for():
+    walk = walk_of([])
+    assert "wall_time" not in score(walk)
+    first = score(walk, extra=[WallTime()])["wall_time"]
+    assert 0.0 <= first <= score(walk, extra=[WallTime()])["wall_time"]
+
+
+def test_two_measures_of_one_name_are_refused():
+    with pytest.raises(ValueError, match="called steps, expected a name of its own"):
+        score(walk_of([]), extra=[Steps()])
