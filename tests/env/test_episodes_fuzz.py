@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import gzip
 import json
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
-from fuzzing import hold_to_data_error
+from fuzzing import CASES, hold_to_data_error
 
 from openmap_env.episodes import Episode, Target, load_episodes, write_episodes
 from openmap_env.episodes.benchmark import FrozenHome, Makeup, read_split, write_split
 from openmap_env.episodes.jsonl import as_line
+from openmap_env.episodes.readers import complete
+from openmap_scenes import DataError
 from openmap_scenes.formats.checked_json import Value
 
 POSITION, ROTATION = [1.25, 0.05, -3.5], [0.0, -0.7071067811865475, 0.0, 0.7071067811865476]
@@ -90,13 +94,56 @@ def test_damaged_files_of_the_benchmark_are_refused_or_read(tmp_path, toy_scene)
     assert refused > 50
 
 
+ODD = (None, True, -1, 10**400, 1e308, "", "x", "\ud800", "/", [], [[]], {}, {"a": 1}, 0.5, [1, 2, 3], 2**70, "a\0b")
+
+
+def with_odd_values(data: Any, rng: np.random.Generator) -> Any:
+    """A copy in which one value, of any depth, is another, or is gone."""
+    data = json.loads(json.dumps(data))
+    node = data
+    while True:
+        keys = sorted(node) if isinstance(node, dict) else range(len(node))
+        key = keys[int(rng.integers(len(keys)))]
+        if not isinstance(node[key], dict | list) or not node[key] or rng.random() < 0.2:
+            break
+        node = node[key]
+    if isinstance(node, dict) and rng.random() < 0.2:
+        del node[key]
+    else:
+        node[key] = ODD[int(rng.integers(len(ODD)))]
+    return data
+
+
+@pytest.mark.parametrize("name", ["r2r.json", "objectnav.json", "vlmaps.json", "ours.jsonl"])
+def test_any_value_may_be_anything(healthy, tmp_path, name, toy_scene):
+    rng = np.random.default_rng(5)
+    whole = (healthy / name).read_text()
+    data = [json.loads(line) for line in whole.splitlines()] if name.endswith("l") else json.loads(whole)
+    path, refused = tmp_path / name, 0
+    for case in range(CASES or 400):
+        odd = with_odd_values(data, rng)
+        path.write_text("\n".join(map(json.dumps, odd)) if name.endswith("l") else json.dumps(odd))
+        try:
+            # What is read can be written, and what the scene adds is found or missed.
+            episodes = load_episodes(path, "mp3d:/data/toy")
+            write_episodes(tmp_path / "again.jsonl", [e for e in episodes if e.targets])
+            for episode in episodes:
+                with suppress(DataError):
+                    complete(episode, toy_scene)
+            with suppress(DataError):
+                load_episodes(path)
+        except DataError:
+            refused += 1
+        except Exception as error:
+            raise AssertionError(f"case {case}: {type(error).__name__}: {error}; {path.read_text()}") from error
+    assert 50 < refused < (CASES or 400)
+
+
 @pytest.mark.parametrize(
     "text", ["[" * 100_000, '{"episodes": ' + "9" * 5000 + "}", '{"episodes": [{"scene_id": "\\ud800"}]}']
 )
 @pytest.mark.parametrize("name", ["a.json", "a.jsonl"])
 def test_json_that_breaks_parsers_is_refused(tmp_path, text, name):
-    from openmap_scenes import DataError
-
     (tmp_path / name).write_text(text)
     with pytest.raises(DataError, match=name):
         load_episodes(tmp_path / name)
