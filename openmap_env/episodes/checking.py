@@ -9,10 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from openmap_env.episodes.demands import needs
 from openmap_env.episodes.episode import KINDS, Episode, same_box
-from openmap_env.episodes.expressions import Expression
+from openmap_env.episodes.expressions import Expression, room_name
 from openmap_env.episodes.readers import complete
-from openmap_env.episodes.vocabulary import needs, vocabulary
+from openmap_env.episodes.vocabulary import vocabulary
 from openmap_env.goals import way_to
 from openmap_env.measures import SUCCESS_RADIUS
 from openmap_env.navigation.surface import NavigableSurface
@@ -109,8 +110,9 @@ def _meaning(episode: Episode, scene: Scene) -> list[str]:
         named = next((n for n in needs() if n.name == need), None)
         if named is None:
             return [f"need {need!r} is not in the table of needs"]
-        words = vocabulary()
-        meant = {i.id for i in scene.instances if not words.is_structure(i.category) and named.serves(i.category)}
+        words, room = vocabulary(), episode.info.get("room")
+        things = [i for i in scene.instances if not words.is_structure(i.category) and named.serves(scene, i)]
+        meant = {i.id for i in things if room is None or room_name(scene, i) == room}
         return _differ("the need is served by", meant, episode, scene)
     return []
 

@@ -6,31 +6,19 @@ never mean more or less than its listed targets. Everything is in the world fram
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 import numpy as np
 
+from openmap_env.episodes.attributes import looks
+from openmap_env.episodes.relations import Relation, half_holds, holds
 from openmap_env.episodes.vocabulary import vocabulary
 from openmap_scenes import Instance, Scene
 
-RelationName = Literal["next to", "on", "above"]
-
-NEAR = 0.5
-"""Two things this close, m between their boxes on the floor plan, are next to each other."""
-NOT_NEAR = 0.9
-"""Beyond this they are not; in between people disagree, and the generator says nothing."""
-
-_MATERIAL_WORDS = {"wood": "wooden", "wool": "woollen", "gold": "golden"}
-
-
-@dataclass(frozen=True)
-class Relation:
-    """Where a thing is, by another thing: ``name`` as people say it, ``noun`` what the other is called."""
-
-    name: RelationName
-    noun: str
+Most = Literal["largest", "biggest", "tallest"]
+CLEARLY_LARGER, CLEARLY_TALLER = 1.5, 1.25
+"""How many times as large (the two longest sides of the box multiplied) or tall as the second the largest or tallest has to be."""
 
 
 @dataclass(frozen=True)
@@ -40,8 +28,14 @@ class Expression:
     Parameters
     ----------
     noun : str
-    colour, material : str or None
+    colour : str or None
         As in ``Instance.attributes``.
+    material : str or None
+        A word of ``attributes.json``: "wooden" is true of oak.
+    look : str or None
+        A word of ``attributes.json`` for shape, pattern or make.
+    most : Most or None
+        The thing is the largest or tallest of those that the other conditions are true of.
     room : str or None
         A room's everyday name.
     relation : Relation or None
@@ -50,32 +44,33 @@ class Expression:
     noun: str
     colour: str | None = None
     material: str | None = None
+    look: str | None = None
+    most: Most | None = None
     room: str | None = None
     relation: Relation | None = None
 
     def matches(self, scene: Scene) -> list[Instance]:
         """Every instance of the scene that the phrase is true of, ascending by id; never structure."""
-        words = vocabulary()
-        named = [i for i in scene.instances if not words.is_structure(i.category) and words.is_a(i.category, self.noun)]
-        return [
+        found = [
             i
-            for i in named
+            for i in named(scene, self.noun, self.room)
             if (self.colour is None or i.attributes.get("colour") == self.colour)
-            and (self.material is None or i.attributes.get("material") == self.material)
-            and (self.room is None or room_name(scene, i) == self.room)
-            and (self.relation is None or related(scene, i, self.relation))
+            and (self.material is None or looks().is_made_of(i, self.material))
+            and (self.look is None or looks().has_look(i, self.look))
         ]
-
-    def say(self, scene: Scene) -> str:
-        """The phrase with its article: "the" if it means one thing here, else "a"."""
-        material = _MATERIAL_WORDS.get(self.material, self.material) if self.material else None
-        phrase = " ".join(word for word in (self.colour, material, self.noun) if word)
-        phrase = with_article(phrase, self.noun, unique=len(self.matches(scene)) == 1)
         if self.relation is not None:
-            others = Expression(self.relation.noun).matches(scene)
-            anchor = with_article(self.relation.noun, self.relation.noun, unique=len(others) == 1)
-            phrase += f" {self.relation.name} {anchor}"
-        if self.room is not None:
+            others = named(scene, self.relation.noun)
+            found = [i for i in found if any(holds(self.relation.name, i, o) for o in others)]
+        return found if self.most is None else sorted(found, key=lambda i: (-size(i, self.most), i.id))[:1]
+
+    def say(self, scene: Scene, with_room: bool = True) -> str:
+        """The phrase with its article: "the" if it means one thing here, else "a"; the room may have been said before."""
+        material, noun = self.material, self.noun
+        phrase = " ".join(word for word in (self.most, self.look, self.colour, material, noun) if word)
+        phrase = with_article(phrase, noun, unique=len(self.matches(scene)) == 1)
+        if self.relation is not None:
+            phrase += f" {self.relation.name} the {self.relation.noun}"
+        if self.room is not None and with_room:
             phrase += f" in {room_phrase(scene, self.room)}"
         return phrase
 
@@ -90,13 +85,29 @@ class Expression:
         return cls(**{**data, "relation": relation})
 
 
+def named(scene: Scene, noun: str, room: str | None = None) -> list[Instance]:
+    """Every instance that people call by the noun, in rooms of that name only if one is given, ascending by id."""
+    words = vocabulary()
+    kind = words.kind(noun)
+    found = [i for i in scene.instances if kind in words.lineage(i.category) and not words.is_structure(i.category)]
+    return found if room is None else [i for i in found if room_name(scene, i) == room]
+
+
+def size(thing: Instance, most: Most | None) -> float:
+    """What "largest" or "tallest" compares: the two longest sides of the box multiplied, m2, or its height, m."""
+    sides = np.sort(thing.aabb_max - thing.aabb_min)
+    return float(thing.aabb_max[1] - thing.aabb_min[1]) if most == "tallest" else float(sides[2] * sides[1])
+
+
 def with_article(phrase: str, noun: str, unique: bool) -> str:
     """ "the", "a", "an" or "some" before a phrase, by its first sound and its noun's number."""
     if unique:
         return f"the {phrase}"
-    if vocabulary().takes_no_a(noun):
+    if vocabulary().number(noun) != "one":
         return f"some {phrase}"
-    return f"{'an' if phrase[0].lower() in 'aeiou' and not phrase.startswith('u') else 'a'} {phrase}"
+    first = phrase.lower()
+    vowel = first[0] in "aeiou" and not first.startswith(("uni", "use", "ute", "uri", "one", "eu"))
+    return f"{'an' if vowel else 'a'} {phrase}"
 
 
 def room_name(scene: Scene, instance: Instance) -> str | None:
@@ -105,65 +116,43 @@ def room_name(scene: Scene, instance: Instance) -> str | None:
     return None if room is None else vocabulary().room(room.name)
 
 
+def room_count(scene: Scene, name: str) -> int:
+    """How many rooms have that everyday name."""
+    return sum(vocabulary().room(room.name) == name for room in scene.rooms)
+
+
 def room_phrase(scene: Scene, name: str) -> str:
-    """ "the kitchen", or "a bedroom" where there are several."""
-    same = sum(vocabulary().room(room.name) == name for room in scene.rooms)
-    return with_article(name, name, unique=same <= 1)
-
-
-def plan_gap(a: Instance, b: Instance) -> float:
-    """Distance between the two boxes on the floor plan, m; 0 where they overlap."""
-    gap = np.maximum(0.0, np.maximum(a.aabb_min - b.aabb_max, b.aabb_min - a.aabb_max))
-    return float(np.hypot(gap[0], gap[2]))
-
-
-def stands_on(a: Instance, b: Instance) -> bool:
-    """Whether a's underside lies on b's top and a's middle over b."""
-    rests = -0.05 <= a.aabb_min[1] - b.aabb_max[1] <= 0.1
-    over = all(b.aabb_min[axis] <= a.centre[axis] <= b.aabb_max[axis] for axis in (0, 2))
-    return bool(rests and over)
-
-
-def _above(scene: Scene, a: Instance, b: Instance) -> bool:
-    higher = 0.0 <= a.aabb_min[1] - b.aabb_max[1] <= 1.5
-    return bool(higher and plan_gap(a, b) <= 0.15 and not stands_on(a, b) and _same_room(scene, a, b))
-
-
-def _next_to(scene: Scene, a: Instance, b: Instance, reach: float = NEAR) -> bool:
-    level = a.aabb_min[1] <= b.aabb_max[1] + 0.3 and b.aabb_min[1] <= a.aabb_max[1] + 0.3
-    beside = plan_gap(a, b) <= reach and not stands_on(a, b) and not stands_on(b, a)
-    return bool(level and beside and _same_room(scene, a, b))
-
-
-def _same_room(scene: Scene, a: Instance, b: Instance) -> bool:
-    return a.room == b.room if a.room is not None and b.room is not None else True
-
-
-_TESTS: dict[RelationName, Callable[[Scene, Instance, Instance], bool]] = {
-    "next to": _next_to,
-    "on": lambda scene, a, b: stands_on(a, b),
-    "above": _above,
-}
-
-
-def related(scene: Scene, instance: Instance, relation: Relation) -> bool:
-    """Whether the relation holds between an instance and any thing called by the relation's noun."""
-    return any(
-        other.id != instance.id and _TESTS[relation.name](scene, instance, other)
-        for other in Expression(relation.noun).matches(scene)
-    )
+    """ "the kitchen", or "one of the bedrooms" where there are several."""
+    return f"the {name}" if room_count(scene, name) <= 1 else f"one of the {name}s"
 
 
 def is_clear(scene: Scene, expression: Expression) -> bool:
-    """Whether people would agree on what the phrase means: attributes known of every thing so named, nothing half near."""
-    named = Expression(expression.noun).matches(scene)
-    for key, value in (("colour", expression.colour), ("material", expression.material)):
-        if value is not None and any(key not in i.attributes for i in named):
-            return False
-    if expression.room is not None and any(room_name(scene, i) is None for i in named):
+    """Whether people would agree on what the phrase means: what it says is known of every thing so named, nothing half near."""
+    if expression.room is not None and any(room_name(scene, i) is None for i in named(scene, expression.noun)):
         return False
-    if expression.relation is None or expression.relation.name != "next to":
-        return True
-    others = Expression(expression.relation.noun).matches(scene)
-    pairs = [(i, other) for i in named for other in others if i.id != other.id]
-    return not any(_next_to(scene, i, o, NOT_NEAR) and not _next_to(scene, i, o) for i, o in pairs)
+    like = named(scene, expression.noun, expression.room)
+    if expression.colour is not None and not all(looks().colour_clear(i, expression.colour) for i in like):
+        return False
+    if expression.material is not None and not all(looks().material_clear(i) for i in like):
+        return False
+    if expression.look is not None and not all(looks().look_clear(i, expression.look) for i in like):
+        return False
+    if expression.relation is not None:
+        name, others = expression.relation.name, named(scene, expression.relation.noun)
+        if any(half_holds(name, i, o) for i in like for o in others):
+            return False
+    return expression.most is None or _stands_out(scene, expression)
+
+
+def _stands_out(scene: Scene, expression: Expression) -> bool:
+    """Whether the largest or tallest is so by far, of at least two, and not small the other way."""
+    rest = Expression(**{**expression.__dict__, "most": None}).matches(scene)
+    ordered = sorted(rest, key=lambda i: (-size(i, expression.most), i.id))
+    if len(ordered) < 2:
+        return False
+    first, second = ordered[:2]
+    if expression.most == "tallest":
+        return size(first, "tallest") >= CLEARLY_TALLER * size(second, "tallest")
+    longest = max(float((i.aabb_max - i.aabb_min).max()) for i in ordered[1:])
+    by_far = size(first, "largest") >= CLEARLY_LARGER * size(second, "largest")
+    return by_far and float((first.aabb_max - first.aabb_min).max()) >= longest

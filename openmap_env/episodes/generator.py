@@ -1,8 +1,8 @@
 """Episodes for any home with semantics: three kinds of instruction, in words people use, with everything that satisfies them.
 
-An object goal names a thing, by colour, room or neighbour where the name alone is not enough. A demand says what a person needs;
-whatever serves the need counts. A guided instruction follows a real shortest path through the rooms. What an instruction means is
-always found by testing every instance of the scene (``expressions``, ``vocabulary``), never remembered from how it was made.
+An object goal names a thing, by looks, size, room or neighbour where the name alone is not enough. A demand says what a person
+needs; whatever serves the need counts. A guided instruction follows a real shortest path through the rooms. What an instruction
+means is always found by testing every instance of the scene, never remembered from how it was made.
 """
 
 from __future__ import annotations
@@ -16,19 +16,12 @@ from typing import Any, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from openmap_env.episodes.episode import KINDS, Episode, Kind, Target
-from openmap_env.episodes.expressions import (
-    Expression,
-    Relation,
-    RelationName,
-    is_clear,
-    plan_gap,
-    related,
-    room_name,
-    with_article,
-)
-from openmap_env.episodes.readers import target_of
-from openmap_env.episodes.vocabulary import load_data, needs, vocabulary
+from openmap_env.episodes.demands import demands
+from openmap_env.episodes.episode import KINDS, Episode, Kind, Target, target_of
+from openmap_env.episodes.expressions import Expression
+from openmap_env.episodes.referring import Phrases, Things
+from openmap_env.episodes.routes import Landmark, Stretch, Wording, passed, rooms_along, spaced, stretches
+from openmap_env.episodes.vocabulary import load_data, vocabulary
 from openmap_env.goals import way_to
 from openmap_env.navigation.surface import DistanceField, NavigableSurface
 from openmap_scenes import DataError, Instance, Scene
@@ -36,13 +29,19 @@ from openmap_scenes import DataError, Instance, Scene
 logger = logging.getLogger(__name__)
 T = TypeVar("T")
 
-MAX_TARGETS = 10
-"""An instruction that more things satisfy than this is too easy to ask."""
+MAX_SERVING = 6
+"""A need that more things serve than this is too easy to ask."""
 MIN_WAY = 1.5
-"""Starts are at least this far, m of way, from every target if the home is large enough."""
+"""Starts are at least this far, m of way, from every target,"""
+MIN_GAP = 1.05
+"""and this far, m, from its box: who stands still must not succeed."""
 MAX_TRIES = 60
-PASSING = 1.0
-"""A thing this close to the path, m on the floor plan, is passed."""
+STARTS = 6
+"""Starts tried for one guided goal: finding the ways to a goal costs more than looking at where they begin."""
+PURPOSEFUL = 0.2
+"""How often an object goal says what for, where the kind of thing has such sentences."""
+
+_Made = tuple["_Question", npt.NDArray[np.float64], float]
 
 
 @dataclass(frozen=True)
@@ -65,8 +64,8 @@ def generate_episodes(
     """Make ``n`` episodes, the kinds in turn; the same arguments give the same episodes.
 
     No instruction comes twice, so a small home may give fewer; the log says so. Starts lie on the main island of the surface,
-    from where at least one target can be reached. ``Episode.info`` holds the expression or need, the rooms of a guided path and
-    the geodesic distance to the nearest target.
+    from where at least one target can be reached. ``Episode.info`` holds the pattern, the expression or need, the geodesic
+    distance to the nearest target, and of a guided way its rooms, landmarks and ``reference_path`` (corners, world frame, m).
 
     Raises
     ------
@@ -78,6 +77,8 @@ def generate_episodes(
     unknown = [kind for kind in kinds if kind not in KINDS]
     if unknown or not kinds or n < 0:
         raise ValueError(f"asked for {n} episodes of kinds {list(kinds)}, expected n >= 0 and kinds among {KINDS}")
+    if n == 0:
+        return []
     generator = _Generator(scene, surface, rng)
     episodes: list[Episode] = []
     for number in range(n):
@@ -99,8 +100,8 @@ def generate_episodes(
                 question.info,
             )
         )
-    if n and not episodes:
-        found = f"{len(generator.things)} things that can be asked for"
+    if not episodes:
+        found = f"{len(generator.things.seen)} things that can be asked for"
         raise DataError(scene_spec, found, "a home in which an instruction has a reachable target")
     if len(episodes) < n:
         made_of = ", ".join(f"{sum(e.kind == kind for e in episodes)} {kind}" for kind in kinds)
@@ -113,28 +114,38 @@ class _Generator:
 
     def __init__(self, scene: Scene, surface: NavigableSurface, rng: np.random.Generator) -> None:
         self.scene, self.surface, self.rng = scene, surface, rng
-        words = vocabulary()
-        self.things = [i for i in scene.instances if not words.is_structure(i.category)]
-        self.by_kind: dict[str, list[Instance]] = {}
-        for thing in self.things:
-            self.by_kind.setdefault(words.kind(thing.category), []).append(thing)
+        self.things = Things(scene, surface)
+        self.phrases = Phrases(self.things, rng)
         self.patterns: dict[str, Any] = load_data("patterns.json")
+        self.purposes: dict[str, list[str]] = load_data("purposes.json")
+        self.wording = Wording(self.patterns["language_guided"], rng)
+        self.demands = demands(scene, self.things.all, MAX_SERVING)
+        seen = {i.id for i in self.things.seen}
+        self.demands = [[d for d in options if any(i.id in seen for i in d.things)] for options in self.demands]
+        self.demands = [options for options in self.demands if options]
         self.asked: set[str] = set()
+        self._meant: dict[str, int] = {}
         self._ways: dict[tuple[int, ...], DistanceField | None] = {}
 
-    def episode(self, kind: Kind) -> tuple[_Question, npt.NDArray[np.float64], float] | None:
+    def episode(self, kind: Kind) -> _Made | None:
         """A question of that kind not asked before and a start for it, or None where none was found."""
-        if not self.things:
+        if not self.things.seen:
             return None
-        for _ in range(MAX_TRIES):
+        for attempt in range(MAX_TRIES):
             if kind == "language_guided":
                 made = self._guided()
             else:
                 question = self._object_goal() if kind == "object_goal" else self._demand()
                 made = None if question is None else self._with_start(question)
-            if made is not None and made[0].instruction not in self.asked:
-                self.asked.add(made[0].instruction)
-                return made
+            if made is None or made[0].instruction in self.asked:
+                continue
+            # The same meaning again in other words, only once nothing else is found.
+            meaning = f"{kind} {made[0].info.get('expression', made[0].info.get('need'))}"
+            if self._meant.get(meaning, 0) > attempt // 12:
+                continue
+            self.asked.add(made[0].instruction)
+            self._meant[meaning] = self._meant.get(meaning, 0) + 1
+            return made
         return None
 
     def _pick(self, options: Sequence[T]) -> T:
@@ -146,202 +157,133 @@ class _Generator:
             self._ways[key] = way_to(self.surface, self.scene, targets, island=0)
         return self._ways[key]
 
-    def _with_start(self, question: _Question) -> tuple[_Question, npt.NDArray[np.float64], float] | None:
+    def _with_start(self, question: _Question) -> _Made | None:
         way = self._way(question.targets)
         if way is None:
             return None
-        for attempt in range(MAX_TRIES):
+        for _ in range(MAX_TRIES):
             position = self.surface.random_point(self.rng)
             distance = way.distance(position)
-            if math.isfinite(distance) and (distance >= MIN_WAY or attempt == MAX_TRIES - 1):
+            if _far(position, distance, question.targets):
                 info = {**question.info, "geodesic_distance": distance}
-                return _Question(question.instruction, question.targets, info), position, self._heading()
+                heading = float(self.rng.uniform(-math.pi, math.pi))
+                return _Question(question.instruction, question.targets, info), position, heading
         return None
-
-    def _heading(self) -> float:
-        return float(self.rng.uniform(-math.pi, math.pi))
-
-    # Object goals
-
-    def _object_goal(self) -> _Question | None:
-        thing = self._pick(self.by_kind[self._pick(sorted(self.by_kind))])
-        expression = self._expression(thing)
-        if expression is None:
-            return None
-        instruction = self._pick(self.patterns["object_goal"]).format(ref=expression.say(self.scene))
-        return _Question(instruction, self._targets(expression), {"expression": expression.to_json()})
-
-    def _expression(self, thing: Instance) -> Expression | None:
-        """A phrase that is true of the thing: its name if that says enough, or with what sets it apart from its like."""
-        plain = Expression(self._pick(vocabulary().sayable(thing.category)))
-        options = [e for e in [plain, *self._refined(thing, plain.noun)] if is_clear(self.scene, e)]
-        counts = [len(e.matches(self.scene)) for e in options]
-        options = [e for e, count in zip(options, counts, strict=True) if 1 <= count <= MAX_TARGETS]
-        unique = [e for e in options if len(e.matches(self.scene)) == 1]
-        if plain in unique:
-            # The name alone is enough; now and then people say more all the same.
-            return plain if self.rng.random() < 0.6 else self._pick_sort(unique)
-        if unique and self.rng.random() < 0.7:
-            return self._pick_sort(unique)
-        return self._pick_sort(options) if options else None
-
-    def _pick_sort(self, options: Sequence[Expression]) -> Expression:
-        """One of the phrases, the sorts (by name, looks, room, neighbour) being as likely as each other."""
-        sorts: dict[tuple[bool, bool, bool], list[Expression]] = {}
-        for e in options:
-            looks = e.colour is not None or e.material is not None
-            sorts.setdefault((looks, e.room is not None, e.relation is not None), []).append(e)
-        return self._pick(sorts[self._pick(sorted(sorts))])
-
-    def _refined(self, thing: Instance, noun: str) -> list[Expression]:
-        colour, material = thing.attributes.get("colour"), thing.attributes.get("material")
-        room = room_name(self.scene, thing)
-        refined = [Expression(noun, colour=colour)] if colour else []
-        refined += [Expression(noun, material=material)] if material else []
-        refined += [Expression(noun, room=room)] if room else []
-        refined += [Expression(noun, colour=colour, room=room)] if colour and room else []
-        return refined + [Expression(noun, relation=r) for r in self._relations(thing, noun)]
-
-    def _relations(self, thing: Instance, noun: str) -> list[Relation]:
-        """What may be said of where the thing is, by each kind of thing around it, nearest first."""
-        words = vocabulary()
-        around = sorted((i for i in self.things if i.id != thing.id), key=lambda i: (plan_gap(thing, i), i.id))
-        relations: list[Relation] = []
-        names: tuple[RelationName, ...] = ("on", "next to", "above")
-        for other in around[:8]:
-            anchor = words.sayable(other.category)[0]
-            if words.is_a(thing.category, anchor) or words.is_a(other.category, noun):
-                continue
-            for name in names:
-                relation = Relation(name, anchor)
-                if relation not in relations and related(self.scene, thing, relation):
-                    relations.append(relation)
-        return relations
 
     def _targets(self, expression: Expression) -> tuple[Target, ...]:
         return tuple(target_of(i) for i in expression.matches(self.scene))
 
-    # Demands
+    # Object goals
 
-    def _demand(self) -> _Question | None:
-        served = [(need, [i for i in self.things if need.serves(i.category)]) for need in needs()]
-        served = [(need, things) for need, things in served if 1 <= len(things) <= MAX_TARGETS]
-        if not served:
-            return None
-        need, things = self._pick(served)
-        sentence = self._pick(need.sentences)
-        lower = sentence if sentence.split()[0] in ("I", "I'm", "TV") else sentence[0].lower() + sentence[1:]
-        instruction = self._pick(self.patterns["demand"]).format(need=sentence, need_lower=lower)
-        return _Question(instruction, tuple(target_of(i) for i in things), {"need": need.name, "sentence": sentence})
-
-    # Guided instructions
-
-    def _guided(self) -> tuple[_Question, npt.NDArray[np.float64], float] | None:
-        thing = self._pick(self.by_kind[self._pick(sorted(self.by_kind))])
-        expression = self._expression(thing)
+    def _object_goal(self) -> _Question | None:
+        thing = self._pick(self.things.by_kind[self._pick(sorted(self.things.by_kind))])
+        expression = self.phrases.of(thing)
         if expression is None:
             return None
         targets = self._targets(expression)
-        way = self._way(targets)
+        purposes = self.purposes.get(vocabulary().kind(thing.category), [])
+        if purposes and self.rng.random() < PURPOSEFUL:
+            pattern = self._pick(purposes)
+        else:
+            pattern = self._pick(self.patterns["object_goal"]["one" if len(targets) == 1 else "several"])
+        verb = "are" if vocabulary().number(expression.noun) == "many" else "is"
+        instruction = pattern.format(ref=expression.say(self.scene), **{"is": verb})
+        return _Question(instruction, targets, {"pattern": pattern, "expression": expression.to_json()})
+
+    # Demands
+
+    def _demand(self) -> _Question | None:
+        if not self.demands:
+            return None
+        demand = self._pick(self._pick(self.demands))
+        pattern = self._pick(self.patterns["demand"])
+        instruction = pattern.format(need=demand.said(), need_inside=demand.said_inside())
+        info = {"pattern": pattern, "need": demand.need.name, "sentence": demand.sentence}
+        if demand.room is not None:
+            info["room"] = demand.room
+        return _Question(instruction, tuple(target_of(i) for i in demand.things), info)
+
+    # Guided instructions
+
+    def _guided(self) -> _Made | None:
+        thing = self._pick(self.things.by_kind[self._pick(sorted(self.things.by_kind))])
+        room = self.things.room(thing)
+        # Who is led into the room looks for the thing there: it has to stand out among its like in that room alone.
+        expression = self.phrases.of(thing, within=room)
+        if expression is None:
+            return None
+        targets = self._targets(expression)
+        way = self._way(targets) if len(targets) == 1 else None
         if way is None:
             return None
-        position = self.surface.random_point(self.rng)
-        distance = way.distance(position)
-        if not math.isfinite(distance) or distance < MIN_WAY:
-            return None
-        path = _every(way.path(position), 0.25)
-        rooms = rooms_along(self.scene, path)
-        if rooms_along(self.scene, path[:1]) != rooms[:1]:
-            return None
-        if rooms and any(room_name(self.scene, i) != rooms[-1] for i in expression.matches(self.scene)):
-            # A thing of that name in another room would satisfy the name and not the way.
-            return None
-        landmarks = self._landmarks(path, thing, expression)
-        text = self._route_text(expression, rooms, landmarks)
-        if text is None:
-            return None
-        info = {"expression": expression.to_json(), "rooms": rooms, "geodesic_distance": distance}
-        # Looking along the way, give or take, as someone about to leave does.
-        ahead = path[min(4, len(path) - 1)] - position
-        heading = math.atan2(-ahead[0], -ahead[2]) + float(self.rng.uniform(-0.5, 0.5))
-        return _Question(text, targets, info), position, math.remainder(heading, math.tau)
+        for _ in range(STARTS):
+            position = self.surface.random_point(self.rng)
+            distance = way.distance(position)
+            if not _far(position, distance, targets):
+                continue
+            corners = way.path(position)
+            told = self._tell(thing, expression, spaced(corners))
+            if told is None:
+                continue
+            text, info = told
+            info = {
+                "expression": expression.to_json(),
+                **info,
+                "reference_path": corners.tolist(),
+                "geodesic_distance": distance,
+            }
+            return _Question(text, targets, info), position, self._setting_off(spaced(corners))
+        return None
 
-    def _route_text(self, expression: Expression, rooms: list[str], landmarks: list[str]) -> str | None:
-        patterns, scene = self.patterns["language_guided"], self.scene
-        if len(rooms) > 4 or len(set(rooms)) < len(rooms):
-            return None
-        options = []
-        if len(rooms) == 2:
-            options += patterns["two_rooms"]
-        if len(rooms) > 2:
-            options += patterns["more_rooms"]
-        if landmarks:
-            options += patterns["landmark"] if len(rooms) >= 2 else patterns["one_room"]
-        if not options:
-            return None
-        pattern = self._pick(options)
-        said = expression
-        if "{last}" in pattern and expression.room == rooms[-1]:
-            # "Enter the kitchen and stop at the sink": the room has been said; it still is part of what is meant.
-            unique = len(expression.matches(scene)) == 1
-            ref = (
-                with_article(said.noun, said.noun, unique)
-                if said == Expression(said.noun, room=said.room)
-                else said.say(scene)
-            )
+    def _setting_off(self, path: npt.NDArray[np.float64]) -> float:
+        """Looking along the way, give or take, as someone about to leave does."""
+        ahead = path[min(10, len(path) - 1)] - path[0]
+        heading = math.atan2(-ahead[0], -ahead[2]) + float(self.rng.uniform(-0.4, 0.4))
+        return math.remainder(heading, math.tau)
+
+    def _tell(
+        self, thing: Instance, expression: Expression, path: npt.NDArray[np.float64]
+    ) -> tuple[str, dict[str, Any]] | None:
+        """The way in words and what to note of it, or None if it cannot be told."""
+        marks = self.things.landmarks(thing, expression)
+
+        def landmarks(room: str | None, first: int, last: int) -> list[Landmark]:
+            return passed(self.scene, path, marks, room, first, last)
+
+        if self.things.room(thing) is None:
+            at_hand = [m for m in landmarks(None, 0, len(path) - 1) if self._at_hand(m, marks, path)]
+            way: list[Stretch] | None = [Stretch(None, 0, len(path) - 1, None, tuple(at_hand))]
         else:
-            ref = said.say(scene)
-        between = " and ".join(f"the {room}" for room in rooms[1:-1])
-        landmark = self._pick(landmarks) if landmarks else ""
-        first, last = (rooms[0], rooms[-1]) if rooms else ("", "")
-        return str(pattern.format(first=first, last=last, via=between, ref=ref, landmark=landmark))
+            way = stretches(self.scene, path, landmarks)
+        if (
+            way is None
+            or way[-1].room != self.things.room(thing)
+            or rooms_along(self.scene, path)[:1] != _names(way)[:1]
+        ):
+            return None
+        told = self.wording.tell(
+            way, lambda room_said: expression.say(self.scene, not room_said), self.things.end_of(thing)
+        )
+        return None if told is None else (told[0], {"rooms": _names(way), **told[1]})
 
-    def _landmarks(self, path: npt.NDArray[np.float64], thing: Instance, expression: Expression) -> list[str]:
-        """ "the sofa", ...: things of a kind that the home has once, passed on the way, in the order of passing."""
-        passed: list[tuple[int, str]] = []
-        for kind in sorted(self.by_kind):
-            noun = vocabulary().sayable(kind)[0]
-            others = Expression(noun).matches(self.scene)
-            if len(others) != 1 or others[0].id == thing.id or expression.noun == noun:
-                continue
-            if expression.relation is not None and expression.relation.noun == noun:
-                continue
-            other = others[0]
-            outside = np.maximum(np.maximum(other.aabb_min - path, path - other.aabb_max), 0.0)
-            near = np.flatnonzero(np.hypot(outside[:, 0], outside[:, 2]) <= PASSING)
-            if not len(near) or near[0] < 4 or near[-1] >= len(path) - 4:
-                continue
-            room = room_name(self.scene, other)
-            if room in rooms_along(self.scene, path[near]) if room is not None else self._at_hand(other, path[near]):
-                passed.append((int(near[0]), with_article(noun, noun, unique=True)))
-        return [name for _, name in sorted(passed)]
-
-    def _at_hand(self, thing: Instance, places: npt.NDArray[np.float64]) -> bool:
-        """Whether few steps lead to the thing from one of the places (n, 3) m: where rooms have no names, a wall may part them."""
+    def _at_hand(self, mark: Landmark, marks: Sequence[tuple[Instance, str]], path: npt.NDArray[np.float64]) -> bool:
+        """Whether few steps lead from the path to the thing: where rooms have no names, a wall may part them."""
+        thing = next(i for i, noun in marks if noun == mark.noun)
         way = self._way((target_of(thing),))
-        return way is not None and min(way.distance(place) for place in places) <= 1.5 * PASSING
+        return way is not None and way.distance(path[mark.at]) <= 1.8
 
 
-def rooms_along(scene: Scene, path: npt.NDArray[np.float64]) -> list[str]:
-    """The everyday names of the rooms that a path (n, 3) m leads through, in order; a room grazed for one point is left out."""
-    names: list[str | None] = []
-    for position in path:
-        room = scene.room_of(position + np.array([0.0, 0.3, 0.0]))
-        names.append(None if room is None else vocabulary().room(room.name))
-    rooms: list[str] = []
-    for i, name in enumerate(names):
-        lasts = i + 1 < len(names) and names[i + 1] == name
-        if name is not None and (lasts or len(names) == 1) and (not rooms or rooms[-1] != name):
-            rooms.append(name)
-    return rooms
+def _far(position: npt.NDArray[np.float64], distance: float, targets: Sequence[Target]) -> bool:
+    """Whether a start (3,) m, ``distance`` m of way from the targets, can reach them and is not yet there."""
+    gaps = (
+        np.maximum(np.maximum(np.subtract(t.aabb_min, position), np.subtract(position, t.aabb_max)), 0.0)
+        for t in targets
+    )
+    return MIN_WAY <= distance < math.inf and all(float(np.linalg.norm(gap)) > MIN_GAP for gap in gaps)
 
 
-def _every(corners: npt.NDArray[np.float64], step: float) -> npt.NDArray[np.float64]:
-    """Points (n, 3) m every ``step`` m along a path, both ends included."""
-    lengths = np.linalg.norm(np.diff(corners, axis=0), axis=1)
-    along = np.concatenate([[0.0], np.cumsum(lengths)])
-    places = np.append(np.arange(0.0, along[-1], step), along[-1])
-    return np.stack([np.interp(places, along, corners[:, axis]) for axis in range(3)], axis=1)
+def _names(way: Sequence[Stretch]) -> list[str]:
+    return [stretch.room for stretch in way if stretch.room is not None]
 
 
 def _triple(v: npt.NDArray[np.float64]) -> tuple[float, float, float]:

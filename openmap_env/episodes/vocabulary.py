@@ -11,7 +11,7 @@ import re
 from dataclasses import dataclass, field
 from functools import cache
 from importlib.resources import files
-from typing import Any
+from typing import Any, Literal
 
 from openmap_scenes.taxonomy import labels_of
 
@@ -37,8 +37,12 @@ class Vocabulary:
         Any listed word, lower case -> kind.
     parents : dict
         Kind -> the more general kinds that it also is.
-    no_a : frozenset of str
-        Kinds that take no "a": plurals ("the weights") and what is not counted ("bread").
+    called : dict
+        Kind -> names of the more general kinds that people also use for it ("sofa" of a loveseat).
+    uncounted : frozenset of str
+        Kinds of which one says "some" although their name is no plural ("bread").
+    plurals : frozenset of str
+        Kinds whose names that end in s are plurals ("the keys are").
     not_heads : frozenset of str
         Words that do not follow their last word ("guitar case").
     structure : frozenset of str
@@ -52,17 +56,24 @@ class Vocabulary:
     names: dict[str, tuple[str, ...]]
     kind_by_word: dict[str, str]
     parents: dict[str, tuple[str, ...]]
-    no_a: frozenset[str]
+    called: dict[str, tuple[str, ...]]
+    uncounted: frozenset[str]
+    plurals: frozenset[str]
     not_heads: frozenset[str]
     structure: frozenset[str]
     room_names: dict[str, str]
     unnamed_rooms: frozenset[str]
     _lineages: dict[str, frozenset[str]] = field(default_factory=dict, repr=False, compare=False)
+    _kinds: dict[str, str] = field(default_factory=dict, repr=False, compare=False)
     _structures: dict[str, bool] = field(default_factory=dict, repr=False, compare=False)
 
     def kind(self, category: str) -> str:
         """The kind of a category word: as listed, else that of its longest listed ending, else the word itself."""
-        word = " ".join(category.lower().replace("_", " ").split())
+        if category not in self._kinds:
+            self._kinds[category] = self._find_kind(" ".join(category.lower().replace("_", " ").split()))
+        return self._kinds[category]
+
+    def _find_kind(self, word: str) -> str:
         if word in self.kind_by_word:
             return self.kind_by_word[word]
         if word in self.not_heads or word in self.structure:
@@ -104,14 +115,17 @@ class Vocabulary:
         return word.startswith("unknown ") or labels_of(word).mpcat40 in BUILDING
 
     def sayable(self, category: str) -> tuple[str, ...]:
-        """What people may say for a thing of that category."""
+        """What people may say for a thing of that category, its own names first."""
         kind = self.kind(category)
-        return self.names.get(kind, (kind,))
+        return self.names.get(kind, (kind,)) + self.called.get(kind, ())
 
-    def takes_no_a(self, noun: str) -> bool:
-        """Whether one says "some" of the noun instead of "a"."""
+    def number(self, noun: str) -> Literal["one", "many", "some"]:
+        """Whether one says "is" and "a" of a noun, "are" and "some" ("the keys are"), or "is" and "some" ("bread is")."""
         kind = self.kind(noun)
-        return kind in self.no_a if kind in self.names else noun.endswith("s") and not noun.endswith("ss")
+        if kind in self.uncounted and not noun.endswith("s"):
+            return "some"
+        listed = kind in self.names and kind not in self.plurals | self.uncounted
+        return "one" if listed or not noun.endswith("s") or noun.endswith("ss") else "many"
 
     def room(self, name: str) -> str | None:
         """What people call a room, or None if its name says nothing; nobody says its number ("bedroom 2", "region 5")."""
@@ -134,31 +148,11 @@ def vocabulary() -> Vocabulary:
         names={kind: tuple(entry["say"]) for kind, entry in kinds.items()},
         kind_by_word=kind_by_word,
         parents={kind: tuple(entry.get("is_a", ())) for kind, entry in kinds.items()},
-        no_a=frozenset(kind for kind, entry in kinds.items() if entry.get("no_a")),
+        called={kind: tuple(entry["called"]) for kind, entry in kinds.items() if "called" in entry},
+        uncounted=frozenset(kind for kind, entry in kinds.items() if entry.get("number") == "some"),
+        plurals=frozenset(kind for kind, entry in kinds.items() if entry.get("number") == "many"),
         not_heads=frozenset(data["head_noun_exceptions"]),
         structure=frozenset(data["structure"]),
         room_names=data["rooms"],
         unnamed_rooms=frozenset(data["unsayable_rooms"]),
-    )
-
-
-@dataclass(frozen=True)
-class Need:
-    """Something people want, and the kinds of things that serve it."""
-
-    name: str
-    sentences: tuple[str, ...]
-    served_by: tuple[str, ...]
-
-    def serves(self, category: str) -> bool:
-        """Whether a thing of that category serves the need."""
-        return not vocabulary().lineage(category).isdisjoint(self.served_by)
-
-
-@cache
-def needs() -> tuple[Need, ...]:
-    """The table of needs, ``data/needs.json``."""
-    return tuple(
-        Need(name, tuple(entry["sentences"]), tuple(entry["served_by"]))
-        for name, entry in load_data("needs.json").items()
     )
