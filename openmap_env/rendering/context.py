@@ -11,9 +11,10 @@ import ctypes
 import ctypes.util
 import logging
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Any, Literal
+from typing import Any, cast
 
 import glcontext
 import moderngl
@@ -22,9 +23,11 @@ from openmap_env.rendering.protocol import RendererUnavailableError
 
 logger = logging.getLogger(__name__)
 
-Platform = Literal["auto", "egl", "osmesa"]
+Platform = str
+"""``auto``, ``egl``, ``egl:N`` (the N-th device that EGL counts, for machines with several GPUs) or ``osmesa``."""
 PLATFORM_VARIABLE = "OPENMAP_GL"
-"""Environment variable that forces ``egl`` or ``osmesa`` where the caller left the choice open."""
+"""Environment variable that chooses the platform where the caller left it open."""
+_announced: set[str] = set()
 
 # From GL/osmesa.h.
 _OSMESA_FORMAT, _OSMESA_RGBA = 0x22, 0x1908
@@ -102,14 +105,22 @@ class EGLContext:
     """glcontext's EGL context, except that it is really let go of on leaving.
 
     glcontext's own exit puts back what was current before, which after creation is the context itself.
+
+    Parameters
+    ----------
+    device : int or None
+        Which of EGL's devices; None leaves it to glcontext: its GLCONTEXT_DEVICE_INDEX, else the first.
     """
 
-    def __init__(self, version: int = 330) -> None:
-        self._context = glcontext.get_backend_by_name("egl")(mode="standalone", glversion=version)
+    address: int
+
+    def __init__(self, device: int | None = None) -> None:
+        self._context = _egl_context(device)
         self._egl = ctypes.CDLL(ctypes.util.find_library("EGL") or "libEGL.so.1")
-        self._egl.eglGetCurrentDisplay.restype = ctypes.c_void_p
+        self._egl.eglGetCurrentDisplay.restype = self._egl.eglGetCurrentContext.restype = ctypes.c_void_p
         self._egl.eglMakeCurrent.argtypes = [ctypes.c_void_p] * 4
         self._display = self._egl.eglGetCurrentDisplay()
+        self.address = self._egl.eglGetCurrentContext() or 0
         self.__exit__()
 
     def load_opengl_function(self, name: str) -> int:
@@ -124,8 +135,22 @@ class EGLContext:
         self._egl.eglMakeCurrent(self._display, None, None, None)
 
     def release(self) -> None:
-        """Destroy the context."""
-        self._context.release()
+        """Destroy the context; again is harmless."""
+        if self.address:
+            self._context.release()
+            self.address = 0
+
+
+def _egl_context(device: int | None) -> Any:
+    make = glcontext.get_backend_by_name("egl")
+    chosen = {} if device is None else {"device_index": device}
+    if device is None or "GLCONTEXT_DEVICE_INDEX" not in os.environ:
+        return make(mode="standalone", glversion=330, **chosen)
+    kept = os.environ.pop("GLCONTEXT_DEVICE_INDEX")  # would win over what was asked for
+    try:
+        return make(mode="standalone", glversion=330, **chosen)
+    finally:
+        os.environ["GLCONTEXT_DEVICE_INDEX"] = kept
 
 
 class GLContext:
@@ -135,7 +160,7 @@ class GLContext:
     ----------
     gl : moderngl.Context
     platform : str
-        ``egl`` or ``osmesa``.
+        ``egl``, ``egl:N`` or ``osmesa``.
     """
 
     def __init__(self, gl: Any, platform: str) -> None:
@@ -159,40 +184,71 @@ class GLContext:
             self.gl.release()
 
 
+def wanted_platforms(platform: Platform) -> tuple[str, ...]:
+    """What to try, in order: ``auto`` is the environment variable ``OPENMAP_GL`` if it is set, else EGL and then OSMesa.
+
+    Raises
+    ------
+    ValueError
+        The platform has no such name.
+    """
+    chosen = (os.environ.get(PLATFORM_VARIABLE) or "auto") if platform == "auto" else platform
+    if not isinstance(chosen, str) or not re.fullmatch(r"auto|osmesa|egl(:\d{1,3})?", chosen):
+        raise ValueError(
+            f"OpenGL platform is {chosen!r}, expected auto, egl or osmesa, or egl:N for EGL's N-th device "
+            f"({PLATFORM_VARIABLE} sets it)"
+        )
+    return ("egl", "osmesa") if chosen == "auto" else (chosen,)
+
+
+def bare_context(platform: str) -> EGLContext | OSMesaContext:
+    """A new context of a platform that ``wanted_platforms`` named, not current; it raises whatever its library raises."""
+    kind, _, device = platform.partition(":")
+    return OSMesaContext() if kind == "osmesa" else EGLContext(int(device) if device else None)
+
+
+def announce(platform: str, device: str) -> None:
+    """One line in the log for each platform of a process, however many contexts are opened."""
+    if platform not in _announced:
+        _announced.add(platform)
+        logger.info("OpenGL on %s: %s", platform, device)
+
+
 def open_context(platform: Platform = "auto") -> GLContext:
-    """Open an off-screen OpenGL 3.3 context and log its platform and device in one line.
+    """Open an off-screen OpenGL 3.3 context; the first of its platform is announced in the log.
 
     Parameters
     ----------
-    platform : {"auto", "egl", "osmesa"}
-        ``auto`` follows the environment variable ``OPENMAP_GL`` if it is set, else takes EGL, else OSMesa.
+    platform : str
+        See ``Platform`` and ``wanted_platforms``.
 
     Raises
     ------
     RendererUnavailableError
-        Neither, or not the one asked for, works on this machine.
+        None of those that are wanted works on this machine.
     ValueError
         The platform has no such name.
     """
-    chosen = os.environ.get(PLATFORM_VARIABLE, "auto") if platform == "auto" else platform
-    kinds: dict[str, Any] = {"egl": EGLContext, "osmesa": OSMesaContext}
-    if chosen not in (*kinds, "auto"):
-        raise ValueError(f"OpenGL platform is {chosen!r}, expected auto, egl or osmesa ({PLATFORM_VARIABLE} sets it)")
     failures = []
-    for name in ("egl", "osmesa") if chosen == "auto" else (chosen,):
+    for name in wanted_platforms(platform):
         try:
-            context = kinds[name]()
+            context = bare_context(name)
             with context:
-                gl = moderngl.create_context(standalone=True, context=context, require=330)
+                gl = moderngl.create_context(standalone=True, context=cast(Any, context), require=330)
         except Exception as error:  # moderngl raises bare Exception and ValueError for a missing driver
             failures.append(f"{name}: {error}")
             continue
         opened = GLContext(gl, name)
         with opened.current():
             gl.gc_mode = "context_gc"
-            logger.info("OpenGL on %s: %s", name, gl.info["GL_RENDERER"])
+            announce(name, gl.info["GL_RENDERER"])
         return opened
-    raise RendererUnavailableError(
+    raise unavailable(failures)
+
+
+def unavailable(failures: list[str]) -> RendererUnavailableError:
+    """The error for a machine where no platform opens a context, from what each of them said."""
+    return RendererUnavailableError(
         f"OpenGL: found no working context ({'; '.join(failures)}), expected EGL or OSMesa. "
         "Install one (Debian: apt install libegl1 libegl-mesa0, or libosmesa6), or use the raycast renderer."
     )

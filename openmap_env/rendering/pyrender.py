@@ -1,17 +1,20 @@
-"""The pyrender backend: that library on an OSMesa context, with what keeps it from being used for long walks put right.
+"""The pyrender backend: that library's scene, materials, textures and shaders, with what keeps it from long walks put right.
 
 - PyOpenGL names a context by a fresh pointer object at every question, so pyrender's shader cache never hits and every draw
   compiles a program that is never freed. Here a context is named by its address.
 - pyrender culls back faces in its segmentation pass whatever the material says, so ids would disagree with colours on scans.
-- It walks over every mesh of the scene for every pass; here only over what the frustum holds, nearest first.
+- It walks over every mesh of the scene for every pass, and asks for the place of every uniform at every draw; here only what
+  the frustum holds is drawn, nearest first, and only what changes is set (``pyrender_pass``).
 - It uploads textures without saying that their rows are not padded to four bytes, which shears those of odd widths.
-- What it reads back are read-only flipped views; here they are copied.
+- It draws to the window, with several samples a pixel on EGL, and hands out flipped views; here it draws to a buffer of one
+  sample a pixel, upside down, and reads once into the caller's arrays.
 """
 
 from __future__ import annotations
 
 import ctypes
 import os
+import sys
 import weakref
 from functools import cache
 from typing import Any
@@ -19,7 +22,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from openmap_env.rendering.context import OSMesaContext, osmesa_library
+from openmap_env.rendering.context import (
+    EGLContext,
+    OSMesaContext,
+    Platform,
+    announce,
+    bare_context,
+    osmesa_library,
+    unavailable,
+    wanted_platforms,
+)
 from openmap_env.rendering.geometry import (
     Batches,
     check_pose,
@@ -32,12 +44,12 @@ from openmap_env.rendering.geometry import (
 from openmap_env.rendering.protocol import Frame, RendererUnavailableError
 from openmap_scenes import PinholeCamera, Scene
 
-# pyrender spends Python time on every primitive of every pass, so batches are large.
-_FACES_PER_PRIMITIVE = 1 << 15
+# Python time is spent on every primitive of every pass, so batches are large.
+_FACES_PER_PRIMITIVE = 1 << 13
 
 
 class PyrenderRenderer:
-    """Renders a scene with pyrender on OSMesa, colours first and ids in a second pass.
+    """Renders a scene with pyrender, colours first and ids in a second pass.
 
     Parameters
     ----------
@@ -45,58 +57,68 @@ class PyrenderRenderer:
     camera : PinholeCamera
     near, far : float
         Planar depths, m; nothing nearer or farther is drawn.
+    platform : str
+        Where the OpenGL context comes from, see ``context.Platform``. PyOpenGL is loaded for one platform a process, for the
+        first that is used; from then on ``auto`` means that one.
 
     Raises
     ------
     RendererUnavailableError
-        There is no OSMesa, or PyOpenGL was loaded for another platform earlier in this process.
+        No such context can be had on this machine, or PyOpenGL was loaded for another platform earlier in this process.
     """
 
-    def __init__(self, scene: Scene, camera: PinholeCamera, *, near: float = 0.05, far: float = 100.0) -> None:
+    def __init__(
+        self,
+        scene: Scene,
+        camera: PinholeCamera,
+        *,
+        near: float = 0.05,
+        far: float = 100.0,
+        platform: Platform = "auto",
+    ) -> None:
         check_range(near, far)
-        backend = _load_pyrender()
-        pyrender, self._flags = backend.pyrender, backend.pyrender.RenderFlags
         self.scene, self.camera = scene, camera
+        self._near, self._far = near, far
         self._projection = projection_matrix(camera, near, far)
         looks = np.stack([scene.face_instance, scene.face_material], 1)
         kinds, kind = np.unique(looks, axis=0, return_inverse=True)
         self._batches = split_into_batches(scene.vertices, scene.faces, kind.reshape(-1), _FACES_PER_PRIMITIVE)
-        materials = _materials(pyrender, scene)
-        self._world = pyrender.Scene(bg_color=(0.0, 0.0, 0.0, 0.0))
-        self._nodes = [
-            self._world.add(pyrender.Mesh([_primitive(pyrender, scene, self._batches, b, materials)]))
-            for b in range(len(self._batches))
-        ]
         # Segmentation colours count the batches, so that ids of any size survive three bytes.
         self._batch_instance = np.concatenate([[0], kinds[self._batches.group, 0]]).astype(np.int32)
-        codes = np.arange(1, len(self._nodes) + 1)
-        shades = np.stack([codes >> 16, codes >> 8 & 255, codes & 255], 1).astype(np.uint8)
-        self._shade_of_node = dict(zip(self._nodes, shades, strict=True))
-        # pyrender counts image coordinates from the corner of the first pixel, not from its centre.
-        eye = pyrender.IntrinsicsCamera(camera.fx, camera.fy, camera.cx + 0.5, camera.cy + 0.5, znear=near, zfar=far)
-        self._eye = self._world.add(eye)
-        self._context = OSMesaContext(width=camera.width, height=camera.height)
-        with self._context:
-            self._renderer = backend.renderer(camera.width, camera.height)
+        self.platform, context, library = _open(platform)
         # Also runs when the renderer is forgotten, or at exit, while the libraries are still whole.
-        self._release = weakref.finalize(self, _close, self._context, self._renderer)
+        self._release = weakref.finalize(self, _close, context, library)
+        self._context, pyrender = context, library.pyrender
+        materials = _materials(pyrender, scene)
+        world = pyrender.Scene(bg_color=(0.0, 0.0, 0.0, 0.0))
+        nodes = [
+            world.add(pyrender.Mesh([_primitive(pyrender, scene, self._batches, b, materials)]))
+            for b in range(len(self._batches))
+        ]
+        with context:
+            self._pass = library.make_pass(world, nodes, camera.width, camera.height)
+        self._release.detach()
+        self._release = weakref.finalize(self, _close, context, library, self._pass)
 
     def render(self, T_world_camera: npt.NDArray[np.floating]) -> Frame:
         """The frame from a camera-to-world pose (4, 4); ValueError if it is not rigid, RuntimeError after ``close``."""
         pose = check_pose(T_world_camera)
         if not self._release.alive:
             raise RuntimeError("the renderer is closed; make a new one")
-        T_clip_world = self._projection @ view_matrix(pose)
-        seen = visible_boxes(self._batches.low, self._batches.high, T_clip_world, pose[:3, 3])
-        self._renderer.visible_nodes = [self._nodes[b] for b in seen.tolist()]
-        self._world.set_pose(self._eye, pose)
+        T_camera_world = view_matrix(pose)
+        seen = visible_boxes(self._batches.low, self._batches.high, self._projection @ T_camera_world, pose[:3, 3])
+        size = (self.camera.height, self.camera.width)
+        rgb, depth = np.empty((*size, 3), np.uint8), np.empty(size, np.float32)
+        code = np.empty(size, np.uint32)
         with self._context:
-            self._renderer.render(self._world, self._flags.FLAT | self._flags.SKIP_CULL_FACES)
-            rgb = np.array(self._renderer.read_color_buf(), order="C")
-            depth = np.array(self._renderer.read_depth_buf(), np.float32, order="C")
-            self._renderer.render(self._world, self._flags.SEG, self._shade_of_node)
-            shade = self._renderer.read_color_buf().astype(np.int32)
-        code = (shade[..., 0] << 16) + (shade[..., 1] << 8) + shade[..., 2]
+            self._pass.draw(seen.tolist(), T_camera_world, self._projection, rgb, depth, code)
+        # From the depth buffer's 0..1 to planar metres; what stayed at 1 saw nothing.
+        empty = depth == 1.0
+        depth *= np.float32((self._near - self._far) / self._far)
+        depth += np.float32(1.0)
+        np.divide(np.float32(self._near), depth, out=depth)
+        depth[empty] = 0.0
+        code &= 0xFFFFFF
         return Frame(rgb, depth, self._batch_instance[code])
 
     def close(self) -> None:
@@ -104,12 +126,44 @@ class PyrenderRenderer:
         self._release()
 
 
-def _close(context: OSMesaContext, renderer: Any) -> None:
+def _open(platform: Platform) -> tuple[str, EGLContext | OSMesaContext, _Library]:
+    """The first platform that is wanted and works, a context of it, and pyrender loaded for it."""
+    wanted = wanted_platforms(platform)
+    loaded = _loaded_for()
+    if platform == "auto" and loaded:
+        wanted = tuple(name for name in wanted if name.startswith(loaded)) or (loaded,)
+    failures = []
+    for name in wanted:
+        try:
+            context = bare_context(name)
+        except Exception as error:  # a missing library or driver, in whatever words
+            failures.append(f"{name}: {error}")
+            continue
+        try:
+            library = _load(name.partition(":")[0])
+        except BaseException:
+            context.release()
+            raise
+        return name, context, library
+    raise unavailable(failures)
+
+
+def _loaded_for() -> str:
+    """The platform that PyOpenGL is loaded for in this process, or will be by its own variable; "" while that is open."""
+    module = sys.modules.get("OpenGL.platform")
+    if module is not None:
+        return {"OSMesaPlatform": "osmesa", "EGLPlatform": "egl"}.get(type(module.PLATFORM).__name__, "")
+    variable = os.environ.get("PYOPENGL_PLATFORM", "")
+    return variable if variable in ("egl", "osmesa") else ""
+
+
+def _close(context: EGLContext | OSMesaContext, library: _Library, drawing: Any = None) -> None:
     address = context.address
-    with context:
-        renderer.delete()
+    if drawing is not None:
+        with context:
+            drawing.delete()
     context.release()
-    _load_pyrender().forget_context(address)
+    library.forget_context(address)
 
 
 def _materials(pyrender: Any, scene: Scene) -> list[Any]:
@@ -145,26 +199,45 @@ def _primitive(pyrender: Any, scene: Scene, batches: Batches, batch: int, materi
     )
 
 
-class _Backend:
-    """pyrender, loaded once a process for OSMesa, and the renderer class that corrects it."""
+class _Library:
+    """pyrender, loaded once a process for one platform.
 
-    def __init__(self) -> None:
-        os.environ.setdefault("PYOPENGL_PLATFORM", "osmesa")  # PyOpenGL reads it once, when first imported
-        osmesa_library()
+    Parameters
+    ----------
+    platform : {"egl", "osmesa"}
+    """
+
+    def __init__(self, platform: str) -> None:
+        os.environ.setdefault("PYOPENGL_PLATFORM", platform)  # PyOpenGL reads it once, when first imported
+        if platform == "osmesa":
+            osmesa_library()  # PyOpenGL's own search finds it only if it is there already
+        import OpenGL
+
+        if "OpenGL.GL" not in sys.modules:
+            OpenGL.ERROR_CHECKING = False  # a question to the driver after every call takes half of a frame's time
         import pyrender
-        from OpenGL import contextdata, platform
+        from OpenGL import contextdata
 
-        found = type(platform.PLATFORM).__name__
-        if found != "OSMesaPlatform":
+        found = _loaded_for()
+        if found != platform:
             raise RendererUnavailableError(
-                f"pyrender: found PyOpenGL loaded as {found}, expected OSMesa. Set PYOPENGL_PLATFORM=osmesa before "
-                "anything imports OpenGL or pyrender (Debian package libosmesa6), or use the opengl renderer."
+                f"pyrender: found PyOpenGL loaded for {found or 'a window system'}, expected {platform}. PyOpenGL takes one "
+                f"platform a process: use that one, set PYOPENGL_PLATFORM={platform} before anything imports OpenGL or "
+                "pyrender, or use the opengl renderer."
             )
-        self.pyrender = pyrender
-        self.renderer = _renderer_class(pyrender)
+        self.pyrender, self._platform = pyrender, platform
         self._contextdata = contextdata
         pointer_of_context = contextdata.getContext
         contextdata.getContext = lambda context=None: _address(pointer_of_context(context))
+
+    def make_pass(self, world: Any, nodes: list[Any], width: int, height: int) -> Any:
+        """What draws the nodes of a pyrender scene, in the current context."""
+        from OpenGL import GL
+
+        from openmap_env.rendering.pyrender_pass import LeanRenderer
+
+        announce(f"{self._platform} (pyrender)", GL.glGetString(GL.GL_RENDERER).decode(errors="replace"))
+        return LeanRenderer(world, nodes, width, height)
 
     def forget_context(self, address: int) -> None:
         """Forget the arrays that PyOpenGL keeps alive for a context."""
@@ -173,42 +246,9 @@ class _Backend:
 
 
 @cache
-def _load_pyrender() -> _Backend:
-    return _Backend()
+def _load(platform: str) -> _Library:
+    return _Library(platform)
 
 
 def _address(context: Any) -> int:
     return context if isinstance(context, int) else int(ctypes.cast(context, ctypes.c_void_p).value or 0)
-
-
-def _renderer_class(pyrender: Any) -> Any:
-    """pyrender's Renderer, corrected as the module says; a class made here because its base loads late."""
-    from OpenGL import GL
-
-    class CorrectedRenderer(pyrender.Renderer):  # type: ignore[misc]
-        def __init__(self, width: int, height: int) -> None:
-            super().__init__(width, height)
-            self.visible_nodes: list[Any] = []
-            GL.glPixelStorei(GL.GL_UNPACK_ALIGNMENT, 1)
-
-        def _update_context(self, scene: Any, flags: int) -> None:
-            if not self._meshes:  # the scene never changes
-                super()._update_context(scene, flags)
-
-        def _sorted_mesh_nodes(self, scene: Any) -> Any:
-            return self.visible_nodes
-
-        def _bind_and_draw_primitive(self, primitive: Any, pose: Any, program: Any, flags: int) -> None:
-            if not flags & pyrender.RenderFlags.SEG:
-                super()._bind_and_draw_primitive(primitive, pose, program, flags)
-                return
-            program.set_uniform("M", pose)
-            primitive._bind()
-            GL.glDisable(GL.GL_CULL_FACE)
-            GL.glDisable(GL.GL_BLEND)
-            GL.glDrawElementsInstanced(
-                GL.GL_TRIANGLES, primitive.indices.size, GL.GL_UNSIGNED_INT, ctypes.c_void_p(0), 1
-            )
-            primitive._unbind()
-
-    return CorrectedRenderer

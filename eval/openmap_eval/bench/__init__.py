@@ -10,14 +10,18 @@ from typing import Annotated
 
 import tyro
 
+from openmap_eval.bench.env import Env
 from openmap_eval.bench.homes import Homes
 from openmap_eval.bench.loading import Loading
 from openmap_eval.bench.machine import Machine
+from openmap_eval.bench.render import Render
 
 Benchmark = (
-    Annotated[Homes, tyro.conf.subcommand("homes")]
+    Annotated[Env, tyro.conf.subcommand("env")]
+    | Annotated[Homes, tyro.conf.subcommand("homes")]
     | Annotated[Loading, tyro.conf.subcommand("loading")]
     | Annotated[Machine, tyro.conf.subcommand("machine")]
+    | Annotated[Render, tyro.conf.subcommand("render")]
 )
 
-__all__ = ["Benchmark", "Homes", "Loading", "Machine"]
+__all__ = ["Benchmark", "Env", "Homes", "Loading", "Machine", "Render"]
