@@ -37,6 +37,8 @@ class Looks:
         Kinds that things are by whatever their height, that nothing is said to be next to, and that are at windows anyway.
     not_passed, only_the : frozenset of str
         Kinds that no way is told by, and that nobody asks for any one of.
+    between_rooms : frozenset of str
+        Kinds that belong to two rooms, so that people would not agree which is meant; their sorts may be in one.
     """
 
     colourless: frozenset[str]
@@ -55,6 +57,7 @@ class Looks:
     not_beside: frozenset[str]
     only_the: frozenset[str]
     at_windows: frozenset[str]
+    between_rooms: frozenset[str]
 
     def colour_said(self, thing: Instance) -> str | None:
         """The colour that people would name the thing by, if any: not that of a plant, which would be its pot's."""
@@ -123,4 +126,5 @@ def looks() -> Looks:
         not_beside=frozenset(data["not_beside"]),
         only_the=frozenset(data["only_the"]),
         at_windows=frozenset(data["always_at_windows"]),
+        between_rooms=frozenset(data["between_rooms"]),
     )

@@ -38,7 +38,9 @@ class Things:
         self.seen = [i for i, is_seen in zip(self.all, seen(scene, surface, self.all), strict=True) if is_seen]
         self.by_kind: dict[str, list[Instance]] = {}
         for thing in self.seen:
-            self.by_kind.setdefault(words.kind(thing.category), []).append(thing)
+            kind = words.kind(thing.category)
+            if kind not in looks().between_rooms:
+                self.by_kind.setdefault(kind, []).append(thing)
         self._rooms = {i.id: room_name(scene, i) for i in self.all}
         self._floors = _floors(surface, self.all)
 
@@ -49,6 +51,10 @@ class Things:
     def height(self, thing: Instance) -> float:
         """How high above the floor a thing begins, m."""
         return float(thing.aabb_min[1]) - self._floors[thing.id]
+
+    def on_something(self, thing: Instance) -> bool:
+        """Whether a thing stands on or in another."""
+        return any(holds("on", thing, other) for other in self.all)
 
     def end_of(self, thing: Instance) -> str:
         """The group of end clauses that fit the thing: one stops under a lamp, and in front of what stands."""
@@ -190,7 +196,8 @@ def _relations_between(thing: Instance, other: Instance, stays_by: bool, things:
     if as_large and low and beside and (level or stays_by) and holds("next to", thing, other):
         found += ["by"] if stays_by and "window" in lineage else ["next to", "beside"]
     wide_enough = float(max(its[0], its[2])) >= 0.4 * float(max(mine[0], mine[2]))
-    if things.height(other) < 0.3 and wide_enough and float(its[1]) > 0.3 and holds("above", thing, other):
+    hangs = thing.aabb_min[1] - other.aabb_max[1] >= 0.15 and not things.on_something(thing)
+    if hangs and things.height(other) < 0.3 and wide_enough and float(its[1]) > 0.3 and holds("above", thing, other):
         found.append("above")
     if not looks().covering.isdisjoint(lineage) and holds("under", thing, other):
         found.append("under")
