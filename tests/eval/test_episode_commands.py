@@ -164,3 +164,24 @@ def test_an_evaluation_asks_what_the_benchmark_asks(homes, toy_scene, monkeypatc
     assert all(line["metrics"]["nav_success"] == 0.0 for line in lines)
     settings = json.loads((tmp_path / "run" / "settings.json").read_text())
     assert "OpenMapNav-Homes" in settings["tasks"][0][1]
+
+
+def test_an_environment_has_the_frozen_episodes_unless_told_otherwise(homes, toy_scene, monkeypatch):
+    import gymnasium as gym
+
+    import openmap_env  # noqa: F401 - registers the environment
+    from openmap_scenes.catalog import READERS
+
+    out, _ = homes
+    make(out, 0, n=6)
+    monkeypatch.setitem(READERS, "homes", lambda rest: toy_scene)
+    monkeypatch.setenv("OPENMAP_CACHE_GB", "0")
+    frozen = read_split(out / "val.jsonl.gz").homes["homes:val/0"].episodes()
+    for how, n in (({}, 6), ({"episodes": "generate"}, 24), ({"episodes_per_scene": 3}, 3)):
+        env = gym.make("OpenMapNav-v0", scene="homes:val/0", width=32, height=24, **how)
+        env.reset(seed=0)
+        episodes = env.unwrapped.episodes
+        assert len(episodes) == n
+        start = (env.unwrapped.episode.start_position, env.unwrapped.episode.start_heading)
+        assert (start == (frozen[0].start_position, frozen[0].start_heading)) == (not how)
+        env.close()
