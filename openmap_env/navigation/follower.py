@@ -79,7 +79,8 @@ def _best_turns(  # type: ignore[no-untyped-def]
     best, best_turns = np.inf, _NOWHERE
     for n in turns:
         angle = heading + n * turn
-        dx, dz = -forward * np.sin(angle), -forward * np.cos(angle)
+        # Where a step ends may hang on the last bit of its direction. Rounded, a heading is judged alike before and after a turn.
+        dx, dz = -forward * round(np.sin(angle), 7), -forward * round(np.cos(angle), 7)
         ax, ay, az, cell = step(ground, reach, x, y, z, dx, dz)
         if cell < 0:
             return _NOWHERE

@@ -1,18 +1,20 @@
-"""The navigable surface of a real format's house against what habitat-sim says of the same house."""
+"""The navigable surface of a real format's house: its episodes, and what habitat-sim says of the same house."""
 
 from __future__ import annotations
 
 import gzip
+import itertools
 import json
 import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import open3d as o3d
 import pytest
 
-from openmap_env.navigation import Body, NavigableSurface
+from openmap_env.actions import Action
+from openmap_env.episodes import load_episodes
+from openmap_env.navigation import Body, NavigableSurface, ShortestPathFollower
 from openmap_scenes import Scene, load_scene
 
 
@@ -53,24 +55,62 @@ def test_objectnav_distances_agree_with_habitat(surface: NavigableSurface, share
     assert len(content["episodes"]) == 12
 
 
-def test_walks_in_the_house_go_through_nothing(house: Scene) -> None:
-    surface = NavigableSurface.from_scene(house)
-    rays = o3d.t.geometry.RaycastingScene()
-    rays.add_triangles(o3d.core.Tensor(house.vertices), o3d.core.Tensor(house.faces.astype(np.uint32)))
-    rng = np.random.default_rng(11)
-    origins, ways = [], []
-    for _ in range(5):
-        position, heading = surface.random_point(rng), rng.uniform(-math.pi, math.pi)
-        for _ in range(300):
+TOLERANCE = 0.15
+"""Positions in the files lie on another program's navigation mesh, which rounds at corners and floats over the floor, m."""
+
+
+def follow(surface: NavigableSurface, start: Any, heading: float, goals: Any) -> tuple[float, float]:
+    """Length walked, m, and distance left, m, of a follower that goes from a start to the nearest of the goals."""
+    position = surface.snap(start, TOLERANCE)
+    assert position is not None
+    follower = ShortestPathFollower(surface, goals)
+    walked = 0.0
+    for _ in range(1000):
+        action = follower.next_action(position, heading)
+        if action == Action.STOP:
+            return walked, follower.field.distance(position)
+        if action == Action.MOVE_FORWARD:
             before = position
-            position = surface.try_step(before, [-0.25 * math.sin(heading), 0, -0.25 * math.cos(heading)])
-            assert surface.island_of(position) == 0
-            heading += rng.choice([0.0, 0.0, 1.0, -1.0]) * math.radians(15)
-            if np.linalg.norm(position - before) < 0.1:
-                heading += math.radians(15)
-            for height in (0.3, 0.8, 1.4):
-                origins.append(before + np.array([0, height, 0]))
-                ways.append(position - before)
-    cast = rays.cast_rays(o3d.core.Tensor(np.hstack([origins, ways]).astype(np.float32)))
-    moved = np.linalg.norm(ways, axis=1) > 1e-6
-    assert (cast["t_hit"].numpy()[moved] > 1).all()
+            position = surface.try_step(before, [-0.25 * math.sin(heading), 0.0, -0.25 * math.cos(heading)])
+            walked += float(np.linalg.norm(position - before))
+        else:
+            heading += math.radians(15) * (1 if action == Action.TURN_LEFT else -1)
+    raise AssertionError("the follower does not arrive")
+
+
+def test_every_r2r_position_is_on_the_surface_and_the_follower_walks_the_reference_path(
+    surface: NavigableSurface, shared_scenes: Path
+) -> None:
+    episodes = load_episodes(shared_scenes / "episodes" / "r2r_ce" / "val" / "val.json.gz")
+    raw = read(shared_scenes / "episodes" / "r2r_ce" / "val" / "val.json.gz")["episodes"]
+    assert len(episodes) == len(raw) == 12
+    for e, r in zip(episodes, raw, strict=True):
+        goals = [g["position"] for g in r["goals"]]
+        for place in (e.start_position, *r["reference_path"], *goals):
+            assert surface.snap(place, TOLERANCE, island=0) is not None, (e.episode_id, place)
+        shortest = surface.geodesic_distance(e.start_position, goals)
+        walked, left = follow(surface, e.start_position, e.start_heading, goals)
+        assert left <= 0.25
+        assert shortest / max(shortest, walked + left) >= 0.95
+        for a, b in itertools.pairwise(r["reference_path"]):
+            walked, left = follow(surface, a, 0.0, b)
+            assert left <= 0.25
+            assert walked <= 1.06 * surface.geodesic_distance(a, b) + 0.05
+
+
+def test_every_objectnav_start_and_view_point_is_on_the_surface_and_the_follower_gets_there(
+    surface: NavigableSurface, shared_scenes: Path
+) -> None:
+    folder = shared_scenes / "episodes/objectnav/mp3d/v1/val"
+    content = read(folder / "content/aws_small_house.json.gz")
+    episodes = load_episodes(folder)
+    assert len(episodes) == len(content["episodes"]) == 12
+    for e, raw in zip(episodes, content["episodes"], strict=True):
+        goals = content["goals_by_category"][f"aws_small_house.glb_{raw['object_category']}"]
+        views = [v["agent_state"]["position"] for g in goals for v in g["view_points"]]
+        for place in (e.start_position, *views):
+            assert surface.snap(place, TOLERANCE, island=0) is not None, (e.episode_id, place)
+        shortest = surface.geodesic_distance(e.start_position, views)
+        walked, left = follow(surface, e.start_position, e.start_heading, views)
+        assert left <= 0.25
+        assert shortest / max(shortest, walked + left) >= 0.95 or walked - shortest <= 0.1
