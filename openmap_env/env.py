@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import hashlib
-import math
-from collections.abc import Sequence
-from dataclasses import replace
+import copy
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -16,22 +14,23 @@ from gymnasium import spaces
 from gymnasium.utils import EzPickle
 
 from openmap_env.actions import Action
+from openmap_env.choice import EpisodeChoice, Wishes
 from openmap_env.episodes import KINDS, Episode, Kind
-from openmap_env.episodes.source import EpisodeSource
 from openmap_env.goals import way_to
-from openmap_env.measures import Walk, score
+from openmap_env.measures import Measure, Walk, default_measures, score
 from openmap_env.navigation import Body
-from openmap_env.observations import SENSORS, Sensor, check_instruction, observation_space
-from openmap_env.picture import TopDownPicture, coloured_depth
+from openmap_env.observations import EpisodeFrame, Sensor, check_places, observation_space
+from openmap_env.picture import EpisodePicture
+from openmap_env.prefetch import Home
+from openmap_env.settings import Protocol, Settings, refuse
 from openmap_env.simulator import Simulator
-from openmap_scenes import PinholeCamera, load_scene
+from openmap_env.window import Window, check_display, has_display
 
 Observation = dict[str, Any]
-Protocol = Literal["retrieval", "navigation"]
 
 TIME_PENALTY = 0.001
 SUCCESS_BY_PROTOCOL: dict[Protocol, str] = {"retrieval": "sr_1", "navigation": "nav_success"}
-_OPTIONS = ("scene", "episode", "instruction", "start")
+_STOP = int(Action.STOP)
 
 
 class OpenMapNavEnv(gym.Env[Observation, int], EzPickle):
@@ -79,11 +78,20 @@ class OpenMapNavEnv(gym.Env[Observation, int], EzPickle):
     ## Starting State
     The scene and then the episode are drawn by `np_random` unless `reset(options=...)` names them. The body stands on the floor,
     looking level. `navigation`: at the episode's start. `retrieval`: at the scene's start, which is that of the scene's first
-    episode if episodes were given, and otherwise a place drawn once from the scene's largest floor by `episode_seed`.
+    episode if episodes were given or are the benchmark's, and otherwise a place drawn once from the scene's largest floor by
+    `episode_seed`.
 
-    `reset` takes the options `scene` (a catalogue spec), `episode` (an `Episode`, the id of one, or an index), `instruction` (a
-    text: in place of a named episode's, or, with no episode named, a free question whose answer nobody knows) and `start`
-    (world-frame position (3,) m and heading in radians).
+    `reset` takes any of these options together:
+
+    - `scene`: a catalogue spec; also one that the environment was not made with
+    - `episode`: an `Episode`, the id of one, or an index among those of `scene`, or, without it, among those of all scenes in
+      their order
+    - `instruction`: a text, in place of the episode's; with no episode named, a free question whose answer nobody knows, asked
+      somewhere on the scene's largest floor
+    - `start`: where the body stands instead, as (position (3,) m, heading in radians) in the world frame
+
+    `seed` is Gymnasium's: give it once, and later resets go on from there. The same seed gives the same episodes in every
+    process.
 
     ## Rewards
     - STOP with success: +1. Success is `sr_1` in `retrieval` and `nav_success` in `navigation`.
@@ -91,7 +99,8 @@ class OpenMapNavEnv(gym.Env[Observation, int], EzPickle):
 
     ## Episode End
     - Termination: STOP.
-    - Truncation: `max_steps` steps were taken.
+    - Truncation: `max_steps` steps were taken. That is the environment's own count, which is scored; the `max_episode_steps` of
+      `gym.make` cuts off from outside, where nothing is.
 
     ## Information
     `reset()` and `step()` return:
@@ -100,7 +109,8 @@ class OpenMapNavEnv(gym.Env[Observation, int], EzPickle):
       episode only so long
     - `collided`: whether the last step forward was barred
     - `metrics`, at the end only: `sr_1`, `sr_4`, `sr_8`, `sr_16`, `sr_surface_1`, ..., `nav_success`, `spl`, `distance_to_goal`,
-      `path_length`, `steps`, `collisions`, as `openmap_env.measures` defines them; for a free question only the last three
+      `path_length`, ..., as `openmap_env.measures` defines them, and those of the argument `measures`; for a free question only
+      those that need no target
 
     ## Arguments
     ```python
@@ -109,25 +119,36 @@ class OpenMapNavEnv(gym.Env[Observation, int], EzPickle):
     gym.make("openmap_env:OpenMapNav-v0", scene="homes:val/0", protocol="retrieval", sensors=("rgb", "depth"))
     ```
 
-    * `scene=None`: a catalogue spec ("homes:val/0", "mp3d:<scan folder>", "file:<mesh>") or a list of them.
-        None = the scenes of the episodes, or `homes:val/0` if there are none.
-    * `episodes=None`: None = generate them for each scene; the path of an episode file or folder (R2R-CE, ObjectNav, our own JSON
-        lines); or a list of `Episode`.
+    * `scene=None`: a catalogue spec ("homes:val/0", "mp3d:<scan folder>", "file:<mesh>"), a path, several homes
+        ("homes:train/0-9"), a split ("homes:val": its first 10 homes), or a list of these. None = the scenes of the episodes, or
+        `homes:val/0` if there are none.
+    * `episodes=None`: None or "benchmark" = the frozen ones of OpenMapNav-Homes for its homes, generated ones for other scenes;
+        "generate" = generated for all; the path of an episode file or folder (R2R-CE, ObjectNav, VLMaps, our own JSON lines); or
+        a list of `Episode`.
     * `sensors=("rgb", "depth")`: any of `rgb`, `depth`, `semantic`.
     * `width=640`, `height=480`, `hfov_deg=90.0`, `camera_height=1.25`: the camera; pixels, degrees across, metres above the floor.
-    * `body=None`: a `Body`; None = radius 0.2 m, height 1.5 m, steps up to 0.2 m.
+    * `body=None`: a `Body`, or a dict of its fields; None = radius 0.2 m, height 1.5 m, steps up to 0.2 m.
     * `forward_step=0.25`, `turn_deg=15.0`, `look_deg=15.0`: sizes of the actions, m and degrees.
     * `max_steps=500`: steps until truncation.
-    * `renderer="opengl"`: or `pyrender`, `raycast`.
+    * `renderer="opengl"`: or `pyrender`, `raycast`, `auto`; or a dict with the name and that renderer's settings,
+        `{"name": "opengl", "platform": "osmesa"}`.
     * `protocol="retrieval"`: or `navigation`.
-    * `episodes_per_scene=24`, `episode_seed=0`, `kinds=("object_goal", "demand", "language_guided")`: what is generated.
-    * `render_mode=None`: or `rgb_array`: colour, depth and a map from above side by side, with targets; for people, not for agents.
+    * `measures=()`: `openmap_env.measures.Measure` objects beside those that are always there.
+    * `episodes_per_scene=None`, `episode_seed=None`: how many episodes to generate for each scene, and by which seed; None = 24
+        and 0. Given either of them, `episodes=None` means "generate".
+    * `kinds=("object_goal", "demand", "language_guided")`: which of the benchmark's to take, or what to generate.
+    * `prefetch=True`: load the next scene in the background while an episode runs, if there are several. It changes nothing but the
+        time that a reset takes; two scenes are then in memory instead of one.
+    * `render_mode=None`: `rgb_array`: what the agent sees, how far that is, and a map from above with path and targets, for people,
+        not for agents; `human`: the same in a window, if there is a display (extra `window`).
+
+    Settings that are plain data go through `env.spec.to_json()` and back.
 
     ## Version History
     * v0: Initial version release
     """
 
-    metadata = {"render_modes": ["rgb_array"], "render_fps": 4}  # noqa: RUF012 - Gymnasium's own name and type
+    metadata = {"render_modes": ["rgb_array", "human"], "render_fps": 8}  # noqa: RUF012 - Gymnasium's own name and type
 
     def __init__(
         self,
@@ -139,52 +160,43 @@ class OpenMapNavEnv(gym.Env[Observation, int], EzPickle):
         height: int = 480,
         hfov_deg: float = 90.0,
         camera_height: float = 1.25,
-        body: Body | None = None,
+        body: Body | Mapping[str, float] | None = None,
         forward_step: float = 0.25,
         turn_deg: float = 15.0,
         look_deg: float = 15.0,
         max_steps: int = 500,
-        renderer: str = "opengl",
+        renderer: str | Mapping[str, Any] = "opengl",
         protocol: Protocol = "retrieval",
-        episodes_per_scene: int = 24,
-        episode_seed: int = 0,
+        measures: Sequence[Measure] = (),
+        episodes_per_scene: int | None = None,
+        episode_seed: int | None = None,
         kinds: Sequence[Kind] = KINDS,
+        prefetch: bool = True,
         render_mode: str | None = None,
     ) -> None:
+        values = locals()
+        given = {name: values[name] for name in OpenMapNavEnv.__init__.__kwdefaults__ or ()}
         # A pickled environment is its settings: it wakes up before its first reset.
-        given = locals()
-        EzPickle.__init__(self, **{name: given[name] for name in type(self).__init__.__kwdefaults__ or ()})
-        if protocol not in SUCCESS_BY_PROTOCOL:
-            raise ValueError(f"protocol is {protocol!r}, expected one of {', '.join(SUCCESS_BY_PROTOCOL)}")
-        if render_mode not in (None, *self.metadata["render_modes"]):
-            raise ValueError(f"render_mode is {render_mode!r}, expected None or one of {self.metadata['render_modes']}")
-        if max_steps < 1:
-            raise ValueError(f"max_steps is {max_steps}, expected at least 1")
-        if isinstance(sensors, str) or not set(sensors) <= set(SENSORS):
-            raise ValueError(f"sensors is {sensors!r}, expected a list of any of {', '.join(SENSORS)}")
-        self.camera = PinholeCamera.from_hfov(width, height, hfov_deg)
-        self.sensors, self.max_steps, self.protocol, self.render_mode = tuple(sensors), max_steps, protocol, render_mode
-        self._episode_seed = episode_seed
-        self._source = EpisodeSource(scene, episodes, episodes_per_scene, episode_seed, kinds)
-        self._body: dict[str, Any] = {
-            "renderer": renderer,
-            "body": body,
-            "camera_height": camera_height,
-            "forward_step": forward_step,
-            "turn_deg": turn_deg,
-            "look_deg": look_deg,
-        }
+        EzPickle.__init__(self, **copy.copy(given))
+        self.render_mode = _render_mode(given.pop("render_mode"))
+        if not has_display():
+            self.metadata = {**self.metadata, "render_modes": ["rgb_array"]}
+        self.settings = Settings.check(**given)
+        s = self.settings
+        self.camera, self.sensors, self.max_steps, self.protocol = s.camera, s.sensors, s.max_steps, s.protocol
+        self._measures = (*default_measures(), *s.measures)
+        self._choice = EpisodeChoice(s)
         self.action_space = spaces.Discrete(len(Action))  # type: ignore[assignment]
         self.observation_space = observation_space(self.camera, self.sensors)
+        self._window = Window("OpenMapNav", self.metadata["render_fps"]) if self.render_mode == "human" else None
         self._simulator: Simulator | None = None
-        self._scene_spec = ""
+        self._home: Home | None = None
         self._episode: Episode | None = None
         self._walk: Walk | None = None
         self._over = True
-        self._T_world_episode = np.eye(4)
-        self._start_heading = 0.0
-        self._frame_token = ""
-        self._floor_picture: TopDownPicture | None = None
+        self._frame = EpisodeFrame(np.eye(4), 0.0)
+        self._said: dict[str, Any] = {}
+        self._picture: EpisodePicture | None = None
 
     # What analysis and oracle agents may look at; no agent that is to be scored does.
 
@@ -205,13 +217,14 @@ class OpenMapNavEnv(gym.Env[Observation, int], EzPickle):
     @property
     def episodes(self) -> list[Episode]:
         """Every episode of the scene at hand."""
-        simulator = self.simulator
-        return list(self._source.of(self._scene_spec, simulator.scene, simulator.surface))
+        if self._home is None:
+            raise RuntimeError("the environment has no scene yet; call reset() first")
+        return self._choice.of(self._home)
 
     @property
     def T_world_episode(self) -> npt.NDArray[np.float64]:
         """Episode-to-world transform (4, 4) float64; a copy."""
-        return self._T_world_episode.copy()
+        return self._frame.T_world_episode.copy()
 
     # Gymnasium's interface
 
@@ -227,18 +240,16 @@ class OpenMapNavEnv(gym.Env[Observation, int], EzPickle):
         openmap_scenes.DataError
             A scene or episode cannot be used.
         """
+        wishes = Wishes.of(options)
         super().reset(seed=seed)
-        episode = self._choose(dict(options or {}))
-        check_instruction(episode.instruction)
-        self.simulator.reset(episode.start_position, episode.start_heading)
-        self._episode = episode
-        self._T_world_episode = self.simulator.T_world_body
-        self._start_heading = self.simulator.heading
-        pose = [*self.simulator.position.tolist(), self.simulator.heading]
-        self._frame_token = hashlib.sha256(f"{episode.scene} {pose!r}".encode()).hexdigest()[:16]
-        self._walk = Walk(episode.targets, None, [self.simulator.position])
-        self._over = False
-        return self._observe(), self._info(collided=False)
+        self._over = True
+        episode, home = self._choice.choose(wishes, self.np_random)
+        simulator = self._enter(home)
+        simulator.reset(episode.start_position, episode.start_heading)
+        self._begin(episode, simulator)
+        self._choice.look_ahead(self.np_random)
+        self._show()
+        return self._observe(simulator), self._info(False)
 
     def step(self, action: int) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Play one action; see "Action Space".
@@ -250,13 +261,15 @@ class OpenMapNavEnv(gym.Env[Observation, int], EzPickle):
         RuntimeError
             The episode is over, or none has begun.
         """
-        walk = self._running()
-        if not self.action_space.contains(action):
-            raise ValueError(f"action is {action!r}, expected an integer from 0 to {len(Action) - 1}")
-        collided = self.simulator.step(int(action))
-        walk.path.append(self.simulator.position)
+        walk, simulator = self._running(), self.simulator
+        # The space's own answer takes longer than the rest of a turn.
+        if not (type(action) is int and 0 <= action < len(Action)) and not self.action_space.contains(action):
+            refuse("action", action, f"an integer from 0 to {len(Action) - 1}")
+        action = int(action)
+        collided = simulator.step(action)
+        walk.path.append(simulator.position)
         walk.collisions += collided
-        walk.stopped = int(action) == Action.STOP
+        walk.stopped = action == _STOP
         truncated = not walk.stopped and len(walk.path) > self.max_steps
         self._over = walk.stopped or truncated
         info, reward = self._info(collided), -TIME_PENALTY
@@ -264,7 +277,8 @@ class OpenMapNavEnv(gym.Env[Observation, int], EzPickle):
             info["metrics"] = self._metrics(walk)
             if walk.stopped:
                 reward += info["metrics"].get(SUCCESS_BY_PROTOCOL[self.protocol], 0.0)
-        return self._observe(), reward, walk.stopped, truncated, info
+        self._show()
+        return self._observe(simulator), reward, walk.stopped, truncated, info
 
     def declare(self, positions: npt.ArrayLike) -> None:
         """Say where the thing asked for is, best guess first; the last declaration before the end of the episode counts.
@@ -282,109 +296,51 @@ class OpenMapNavEnv(gym.Env[Observation, int], EzPickle):
             The episode is over, or none has begun.
         """
         walk = self._running()
-        try:
-            places = np.asarray(positions, np.float32).astype(np.float64)
-        except (TypeError, ValueError) as error:
-            raise ValueError(
-                f"declared {positions!r}, expected numbers of shape (k, 3), m in the episode frame"
-            ) from error
-        if places.size == 0:
-            places = places.reshape(0, 3)
-        if places.ndim != 2 or places.shape[1] != 3 or not np.isfinite(places).all():
-            state = "" if np.isfinite(places).all() else ", not all finite"
-            raise ValueError(
-                f"declared an array of shape {places.shape}{state}, expected finite (k, 3), m in the episode frame"
-            )
-        T = self._T_world_episode
-        walk.declared = places @ T[:3, :3].T + T[:3, 3]
+        walk.declared = self._frame.to_world(check_places(positions))
 
     def render(self) -> npt.NDArray[np.uint8] | None:
-        """The picture that ``render_mode`` asks for, (H, 2 W + H, 3) uint8, or None without one."""
+        """The picture that ``render_mode`` asks for, (h, w, 3) uint8; None without one, and with ``human``, which shows it itself.
+
+        Its size follows from that of the camera and never changes.
+        """
+        if self._walk is None or self._home is None:
+            raise RuntimeError("nothing to render yet; call reset() first")
         if self.render_mode is None:
             gym.logger.warn("render() without a render_mode gives nothing; pass render_mode='rgb_array' to gym.make")
             return None
-        walk, frame, size = self._walk, self.simulator.observe(), self.camera.height
-        if walk is None:
-            raise RuntimeError("nothing to render yet; call reset() first")
-        if self._floor_picture is None:
-            self._floor_picture = TopDownPicture(self.simulator.surface, size)
-        floor = self._floor_picture.draw(np.array(walk.path), self.simulator.heading, walk.targets, walk.declared)
-        return np.concatenate([frame.rgb, coloured_depth(frame.depth), floor], axis=1)
+        return self._draw(self._walk, self._home) if self.render_mode == "rgb_array" else None
 
     def close(self) -> None:
-        """Give the scene and the graphics context back; a later reset loads them again."""
+        """Give the scene, the graphics context, the window and the thread back; a later reset makes them again."""
+        if self._window is not None:
+            self._window.close()
         if self._simulator is not None:
             self._simulator.close()
-        self._simulator, self._walk, self._floor_picture, self._scene_spec, self._over = None, None, None, "", True
+        self._choice.close()
+        self._simulator = self._home = self._episode = self._walk = self._picture = None
+        self._over = True
 
-    # Episodes
+    # Homes
 
-    def _choose(self, options: dict[str, Any]) -> Episode:
-        """The episode that the options and the random generator name, as it is to be run, with its scene loaded."""
-        unknown = sorted(set(options) - set(_OPTIONS))
-        if unknown:
-            raise ValueError(f"reset options {unknown} are unknown, expected any of {', '.join(_OPTIONS)}")
-        named, instruction, spec = options.get("episode"), options.get("instruction"), options.get("scene")
-        if named is not None:
-            episode = self._named(named, spec)
-            self._enter(episode.scene)
-        else:
-            self._enter(spec or self._source.draw_scene(self.np_random))
-            episode = self._free(instruction) if instruction is not None else self._draw()
-        episode = self._source.complete(episode, self.simulator.scene)
-        if instruction is not None:
-            episode = replace(episode, instruction=instruction)
-        if "start" in options:
-            position, heading = _start(options["start"])
-        elif self.protocol == "retrieval":
-            position, heading = self._scene_start()
-        else:
-            position, heading = episode.start_position, episode.start_heading
-        return replace(episode, start_position=position, start_heading=heading)
+    def _enter(self, home: Home) -> Simulator:
+        """The simulator of a home, a new one unless it is the one at hand."""
+        if self._simulator is None or self._home is not home:
+            if self._simulator is not None:
+                self._simulator.close()
+            self._simulator = self._picture = self._walk = None
+            self._simulator, self._home = self.settings.simulator(home.scene, home.surface), home
+        return self._simulator
 
-    def _named(self, named: Any, spec: str | None) -> Episode:
-        if isinstance(named, Episode):
-            return named if spec is None else replace(named, scene=spec)
-        if not isinstance(named, str | int | np.integer) or isinstance(named, bool):
-            raise ValueError(f"option episode is {named!r}, expected an Episode, the id of one, or an index")
-        named = named if isinstance(named, str) else int(named)
-        episode = self._source.find(named)
-        if episode is None:
-            # Generated episodes exist once their scene has been entered.
-            for scene in [spec] if spec else self._source.scenes:
-                self._enter(scene)
-                self._source.of(scene, self.simulator.scene, self.simulator.surface)
-                episode = episode or self._source.find(named)
-        if episode is None or (spec is not None and episode.scene != spec):
-            raise ValueError(
-                f"there is no episode {named!r} in {spec or self._source.scenes}; see the environment's episodes"
-            )
-        return episode
-
-    def _draw(self) -> Episode:
-        episodes = self._source.of(self._scene_spec, self.simulator.scene, self.simulator.surface)
-        if not episodes:
-            raise ValueError(f"no episode was given for scene {self._scene_spec}")
-        return episodes[int(self.np_random.integers(len(episodes)))]
-
-    def _free(self, instruction: str) -> Episode:
-        position, heading = _random_start(self.simulator, self.np_random)
-        return Episode("free", self._scene_spec, instruction, "object_goal", position, heading, ())
-
-    def _scene_start(self) -> tuple[tuple[float, float, float], float]:
-        given = self._source.given_for(self._scene_spec)
-        if given:
-            return given[0].start_position, given[0].start_heading
-        return _random_start(self.simulator, np.random.default_rng(self._episode_seed))
-
-    def _enter(self, spec: str) -> None:
-        """Load a scene, unless it is the one at hand; only one is kept."""
-        if not isinstance(spec, str):
-            raise ValueError(f"scene is {spec!r}, expected a catalogue spec such as 'homes:val/0'")
-        if spec != self._scene_spec or self._simulator is None:
-            self.close()
-            self._simulator = Simulator(load_scene(spec), self.camera, **self._body)
-            self._scene_spec = spec
+    def _begin(self, episode: Episode, simulator: Simulator) -> None:
+        self._episode = episode
+        self._frame = EpisodeFrame(simulator.T_world_body, simulator.heading)
+        self._said = {
+            "episode_id": episode.episode_id,
+            "kind": episode.kind if episode.targets else "free",
+            "episode_frame": self._frame.token(episode.scene),
+        }
+        self._walk = Walk(episode.targets, None, [simulator.position], surface=simulator.surface)
+        self._over = False
 
     # What goes out
 
@@ -393,53 +349,44 @@ class OpenMapNavEnv(gym.Env[Observation, int], EzPickle):
             raise RuntimeError("the episode is over, or none has begun; call reset() first")
         return self._walk
 
-    def _observe(self) -> Observation:
-        simulator, frame = self.simulator, self.simulator.observe()
-        T_episode_camera = np.linalg.inv(self._T_world_episode) @ simulator.T_world_camera
-        ahead = self._T_world_episode[:3, :3].T @ (simulator.position - self._T_world_episode[:3, 3])
-        turned = math.remainder(simulator.heading - self._start_heading, math.tau)
+    def _observe(self, simulator: Simulator) -> Observation:
+        # Whoever gets a picture may write into it; a copy stays only if render() will ask for the same view.
+        frame = simulator.hand_out() if self.render_mode is None else copy.deepcopy(simulator.observe())
         seen: dict[Sensor, npt.NDArray[Any]] = {
             "rgb": frame.rgb,
             "depth": frame.depth[..., None],
             "semantic": frame.instance[..., None],
         }
         return {
-            **{name: seen[name].copy() for name in self.sensors},
-            "T_episode_camera": T_episode_camera.astype(np.float32),
-            "gps": np.array([-ahead[2], ahead[0]], np.float32),
-            "compass": np.array([turned], np.float32),
+            **{name: seen[name] for name in self.sensors},
+            **self._frame.pose(simulator.T_world_camera, simulator.heading),
             "instruction": self.episode.instruction,
         }
 
     def _info(self, collided: bool) -> dict[str, Any]:
-        return {
-            "episode_id": self.episode.episode_id,
-            "kind": self.episode.kind if self.episode.targets else "free",
-            "episode_frame": self._frame_token,
-            "collided": collided,
-        }
+        return {**self._said, "collided": collided}
 
     def _metrics(self, walk: Walk) -> dict[str, float]:
-        surface = self.simulator.surface
+        simulator = self.simulator
         if walk.targets:
-            walk.way = way_to(surface, self.simulator.scene, walk.targets, surface.island_of(walk.path[0]))
-        return score(walk)
+            island = simulator.surface.island_of(walk.path[0])
+            walk.way = way_to(simulator.surface, simulator.scene, walk.targets, island)
+        return score(walk, self._measures)
+
+    def _draw(self, walk: Walk, home: Home) -> npt.NDArray[np.uint8]:
+        if self._picture is None:
+            self._picture = EpisodePicture(home.scene, home.surface, self.camera)
+        return self._picture.draw(self.simulator.observe(), self.episode.instruction, walk, self.simulator.heading)
+
+    def _show(self) -> None:
+        if self._window is not None and self._walk is not None and self._home is not None:
+            self._window.show(self._draw(self._walk, self._home))
 
 
-def _start(value: Any) -> tuple[tuple[float, float, float], float]:
-    """The option ``start`` as a position and a heading."""
-    try:
-        position, heading = value
-        x, y, z, angle = (float(v) for v in (*position, heading))
-    except (TypeError, ValueError) as error:
-        raise ValueError(
-            f"option start is {value!r}, expected (position (3,) m, heading in radians), world frame"
-        ) from error
-    if not all(map(math.isfinite, (x, y, z, angle))):
-        raise ValueError(f"option start is {value!r}, expected finite numbers")
-    return (x, y, z), angle
-
-
-def _random_start(simulator: Simulator, rng: np.random.Generator) -> tuple[tuple[float, float, float], float]:
-    x, y, z = simulator.surface.random_point(rng).tolist()
-    return (x, y, z), float(rng.uniform(-math.pi, math.pi))
+def _render_mode(render_mode: Any) -> str | None:
+    modes = OpenMapNavEnv.metadata["render_modes"]
+    if render_mode is not None and render_mode not in modes:
+        refuse("render_mode", render_mode, f"None or one of {', '.join(modes)}")
+    if render_mode == "human":
+        check_display()
+    return render_mode if render_mode is None else str(render_mode)

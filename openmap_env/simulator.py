@@ -6,6 +6,8 @@ Poses are world frame: Y up, m; heading 0 looks along -Z and grows to the left (
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +18,10 @@ from openmap_env.rendering import Frame, Renderer, make_renderer
 from openmap_scenes import PinholeCamera, Scene
 
 PITCH_LIMIT = math.radians(60.0)
+_ACTIONS = frozenset(int(action) for action in Action)
+_STOP, _FORWARD, _LEFT, _RIGHT, _UP = (
+    int(a) for a in (Action.STOP, Action.MOVE_FORWARD, Action.TURN_LEFT, Action.TURN_RIGHT, Action.LOOK_UP)
+)
 COLLISION_SHARE = 0.9
 """A step counts as a collision if the body ends less than this share of it, horizontally, from where it was."""
 
@@ -27,8 +33,9 @@ class Simulator:
     ----------
     scene : Scene
     camera : PinholeCamera
-    renderer : str or Renderer
-        Name of a backend, or a renderer for this scene and camera, which the simulator then owns and closes.
+    renderer : str, mapping or Renderer
+        Name of a backend; or its name and settings, ``{"name": "opengl", "platform": "osmesa"}``; or a renderer for this scene
+        and camera, which the simulator then owns and closes.
     body : Body
     camera_height : float
         Metres above the floor.
@@ -43,7 +50,7 @@ class Simulator:
         scene: Scene,
         camera: PinholeCamera,
         *,
-        renderer: str | Renderer = "opengl",
+        renderer: str | Mapping[str, Any] | Renderer = "opengl",
         body: Body | None = None,
         camera_height: float = 1.25,
         forward_step: float = 0.25,
@@ -64,9 +71,10 @@ class Simulator:
         self.body = self.surface.body
         self.camera_height, self.forward_step = camera_height, forward_step
         self.turn, self.look = math.radians(turn_deg), math.radians(look_deg)
-        self.renderer = make_renderer(renderer, scene, camera) if isinstance(renderer, str) else renderer
+        self.renderer = _renderer(renderer, scene, camera)
         self._position: npt.NDArray[np.float64] | None = None
         self._heading = self._pitch = 0.0
+        self._T_world_camera: npt.NDArray[np.float64] | None = None
         self._frame: Frame | None = None
 
     @property
@@ -90,19 +98,28 @@ class Simulator:
     def T_world_body(self) -> npt.NDArray[np.float64]:
         """Body-to-world (4, 4): origin on the floor, -z forward, y up."""
         c, s = math.cos(self._heading), math.sin(self._heading)
-        T_world_body = np.eye(4)
-        T_world_body[:3, :3] = [[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]
-        T_world_body[:3, 3] = self.position
-        return T_world_body
+        x, y, z = self.position.tolist()
+        return np.array([[c, 0.0, s, x], [0.0, 1.0, 0.0, y], [-s, 0.0, c, z], [0.0, 0.0, 0.0, 1.0]])
 
     @property
     def T_world_camera(self) -> npt.NDArray[np.float64]:
-        """Camera-to-world (4, 4), OpenGL axes."""
-        c, s = math.cos(self._pitch), math.sin(self._pitch)
-        T_body_camera = np.eye(4)
-        T_body_camera[1:3, 1:3] = [[c, -s], [s, c]]
-        T_body_camera[1, 3] = self.camera_height
-        return self.T_world_body @ T_body_camera
+        """Camera-to-world (4, 4), OpenGL axes: the body's pose, raised, then pitched about its x axis; a copy."""
+        return self._camera_pose().copy()
+
+    def _camera_pose(self) -> npt.NDArray[np.float64]:
+        if self._T_world_camera is None:
+            c, s = math.cos(self._heading), math.sin(self._heading)
+            cp, sp = math.cos(self._pitch), math.sin(self._pitch)
+            x, y, z = self.position.tolist()
+            self._T_world_camera = np.array(
+                [
+                    [c, s * sp, s * cp, x],
+                    [0.0, cp, -sp, y + self.camera_height],
+                    [-s, c * sp, c * cp, z],
+                    [0.0, 0.0, 0.0, 1.0],
+                ]
+            )
+        return self._T_world_camera
 
     def reset(self, position: npt.ArrayLike, heading: float, pitch: float = 0.0) -> None:
         """Stand at the nearest place to a position (3,) m, at most 0.5 m off, and look along a heading and pitch (radians).
@@ -123,7 +140,7 @@ class Simulator:
             )
         self._position, self._heading = snapped, _wrap(heading)
         self._pitch = min(max(pitch, -PITCH_LIMIT), PITCH_LIMIT)
-        self._frame = None
+        self._forget_view()
 
     def step(self, action: Action | int) -> bool:
         """Do one action; whether the body collided (see ``COLLISION_SHARE``). STOP changes nothing.
@@ -133,35 +150,54 @@ class Simulator:
         ValueError
             There is no such action.
         """
-        position = self.position
-        if action not in tuple(Action):
+        position = self._position
+        if position is None:
+            raise RuntimeError("the simulator has no pose yet; call reset(position, heading) first")
+        if action not in _ACTIONS:
             raise ValueError(
                 f"action is {action!r}, expected one of {', '.join(f'{a.value} {a.name}' for a in Action)}"
             )
-        if action == Action.STOP:
+        if action == _STOP:
             return False
-        self._frame = None
-        if action == Action.MOVE_FORWARD:
-            ahead = np.array([-math.sin(self._heading), 0.0, -math.cos(self._heading)])
-            self._position = self.surface.try_step(position, self.forward_step * ahead)
-            moved = math.hypot(*(self._position - position)[[0, 2]])
+        self._forget_view()
+        if action == _FORWARD:
+            dx, dz = -self.forward_step * math.sin(self._heading), -self.forward_step * math.cos(self._heading)
+            self._position = end = self.surface.try_step(position, (dx, 0.0, dz))
+            moved = math.hypot(end[0] - position[0], end[2] - position[2])
             return moved < COLLISION_SHARE * self.forward_step
-        if action in (Action.TURN_LEFT, Action.TURN_RIGHT):
-            self._heading = _wrap(self._heading + (self.turn if action == Action.TURN_LEFT else -self.turn))
+        if action in (_LEFT, _RIGHT):
+            self._heading = _wrap(self._heading + (self.turn if action == _LEFT else -self.turn))
         else:
-            pitch = self._pitch + (self.look if action == Action.LOOK_UP else -self.look)
+            pitch = self._pitch + (self.look if action == _UP else -self.look)
             self._pitch = min(max(pitch, -PITCH_LIMIT), PITCH_LIMIT)
         return False
 
     def observe(self) -> Frame:
         """What the camera sees. The same arrays come back until the pose changes: copy before writing into them."""
         if self._frame is None:
-            self._frame = self.renderer.render(self.T_world_camera)
+            self._frame = self.renderer.render(self._camera_pose())
         return self._frame
+
+    def hand_out(self) -> Frame:
+        """What the camera sees, in arrays that nobody else holds: they are the caller's. Another look draws anew."""
+        frame, self._frame = self.observe(), None
+        return frame
+
+    def _forget_view(self) -> None:
+        self._T_world_camera = self._frame = None
 
     def close(self) -> None:
         """Close the renderer; closing twice is harmless."""
         self.renderer.close()
+
+
+def _renderer(renderer: str | Mapping[str, Any] | Renderer, scene: Scene, camera: PinholeCamera) -> Renderer:
+    if isinstance(renderer, str):
+        return make_renderer(renderer, scene, camera)
+    if isinstance(renderer, Mapping):
+        settings = dict(renderer)
+        return make_renderer(settings.pop("name"), scene, camera, **settings)
+    return renderer
 
 
 def _wrap(angle: float) -> float:
