@@ -39,6 +39,8 @@ class Looks:
         Kinds that no way is told by, and that nobody asks for any one of.
     between_rooms : frozenset of str
         Kinds that belong to two rooms, so that people would not agree which is meant; their sorts may be in one.
+    one_of_a_kind : frozenset of str
+        Kinds of which nobody says more than the name where there is but one.
     """
 
     colourless: frozenset[str]
@@ -58,6 +60,7 @@ class Looks:
     only_the: frozenset[str]
     at_windows: frozenset[str]
     between_rooms: frozenset[str]
+    one_of_a_kind: frozenset[str]
 
     def colour_said(self, thing: Instance) -> str | None:
         """The colour that people would name the thing by, if any: not that of a plant, which would be its pot's."""
@@ -127,4 +130,5 @@ def looks() -> Looks:
         only_the=frozenset(data["only_the"]),
         at_windows=frozenset(data["always_at_windows"]),
         between_rooms=frozenset(data["between_rooms"]),
+        one_of_a_kind=frozenset(data["one_of_a_kind"]),
     )

@@ -100,7 +100,8 @@ class Phrases:
         plain = Expression(self._pick(vocabulary().sayable(thing.category)), room=within)
         meant = plain.matches(self.scene)
         enough = len(meant) == 1 and is_clear(self.scene, plain)
-        if enough and self._rng.random() < JUST_THE_NAME:
+        lineage = vocabulary().lineage(thing.category)
+        if enough and (not looks().one_of_a_kind.isdisjoint(lineage) or self._rng.random() < JUST_THE_NAME):
             return plain
         sorts = [self._looks, self._size, self._relations]
         if not enough and within is None:
@@ -197,6 +198,7 @@ def _relations_between(thing: Instance, other: Instance, stays_by: bool, things:
         found += ["by"] if stays_by and "window" in lineage else ["next to", "beside"]
     wide_enough = float(max(its[0], its[2])) >= 0.4 * float(max(mine[0], mine[2]))
     hangs = thing.aabb_min[1] - other.aabb_max[1] >= 0.15 and not things.on_something(thing)
+    hangs = hangs and looks().at_windows.isdisjoint(words.lineage(thing.category))
     if hangs and things.height(other) < 0.3 and wide_enough and float(its[1]) > 0.3 and holds("above", thing, other):
         found.append("above")
     if not looks().covering.isdisjoint(lineage) and holds("under", thing, other):
@@ -209,8 +211,11 @@ def _with(expression: Expression, **more: object) -> Expression:
 
 
 def _floors(surface: NavigableSurface, things: Sequence[Instance]) -> dict[int, float]:
-    """The height of the floor below each thing, m: that of the highest place near it that is not above its underside."""
-    places = surface.centres
+    """The height of the floor below each thing, m: that of the highest place near it that is not above its underside.
+
+    Places are those of the main island: one can stand on tables, too.
+    """
+    places = surface.centres[surface.island == 0]
     tree = cKDTree(places[:, [0, 2]])
     floors = {}
     for thing in things:
