@@ -141,8 +141,7 @@ class Phrases:
         lineage = vocabulary().lineage(thing.category)
         options: list[Most] = ["largest", "biggest"] if not looks().largest_of.isdisjoint(lineage) else []
         options += ["tallest"] if not looks().tallest_of.isdisjoint(lineage) else []
-        room = self.things.room(thing)
-        rooms = [room] if room is not None and room_count(self.scene, room) == 1 else []
+        rooms = [phrase.room for phrase in self._room(thing, plain)]
         for most in options:
             for where in [plain.room] if plain.room else [None, *rooms]:
                 phrase = _with(plain, most=most, room=where)
@@ -151,7 +150,7 @@ class Phrases:
 
     def _room(self, thing: Instance, plain: Expression) -> Iterator[Expression]:
         room = self.things.room(thing)
-        if room is not None and room_count(self.scene, room) == 1:
+        if room is not None and room_count(self.scene, room) == 1 and room.split()[0] not in plain.noun.split():
             yield _with(plain, room=room)
 
     def _looks_and_room(self, thing: Instance, plain: Expression) -> Iterator[Expression]:
