@@ -13,6 +13,7 @@
 from __future__ import annotations
 
 import ctypes
+import logging
 import os
 import sys
 import weakref
@@ -90,9 +91,12 @@ class PyrenderRenderer:
         self._release = weakref.finalize(self, _close, context, library)
         self._context, pyrender = context, library.pyrender
         materials = _materials(pyrender, scene)
+        # Drawn from its middle, so that shaders, which count in float32, keep millimetres wherever the scene lies.
+        self._T_world_drawn = np.eye(4)
+        self._T_world_drawn[:3, 3] = middle = (scene.aabb[0] + scene.aabb[1]) / 2.0
         world = pyrender.Scene(bg_color=(0.0, 0.0, 0.0, 0.0))
         nodes = [
-            world.add(pyrender.Mesh([_primitive(pyrender, scene, self._batches, b, materials)]))
+            world.add(pyrender.Mesh([_primitive(pyrender, scene, self._batches, b, materials, middle)]))
             for b in range(len(self._batches))
         ]
         with context:
@@ -111,7 +115,7 @@ class PyrenderRenderer:
         rgb, depth = np.empty((*size, 3), np.uint8), np.empty(size, np.float32)
         code = np.empty(size, np.uint32)
         with self._context:
-            self._pass.draw(seen.tolist(), T_camera_world, self._projection, rgb, depth, code)
+            self._pass.draw(seen.tolist(), T_camera_world @ self._T_world_drawn, self._projection, rgb, depth, code)
         # From the depth buffer's 0..1 to planar metres; what stayed at 1 saw nothing.
         empty = depth == 1.0
         depth *= np.float32((self._near - self._far) / self._far)
@@ -180,8 +184,15 @@ def _materials(pyrender: Any, scene: Scene) -> list[Any]:
     return materials
 
 
-def _primitive(pyrender: Any, scene: Scene, batches: Batches, batch: int, materials: list[Any]) -> Any:
-    """One batch of faces as a pyrender primitive with its own vertices."""
+def _primitive(
+    pyrender: Any,
+    scene: Scene,
+    batches: Batches,
+    batch: int,
+    materials: list[Any],
+    origin: npt.NDArray[np.float64],
+) -> Any:
+    """One batch of faces as a pyrender primitive with its own vertices, measured from an origin (3,) m."""
     faces = batches.order[batches.starts[batch] : batches.starts[batch + 1]]
     vertices, indices = np.unique(scene.faces[faces], return_inverse=True)
     colour = None
@@ -189,7 +200,7 @@ def _primitive(pyrender: Any, scene: Scene, batches: Batches, batch: int, materi
         colour = np.ones((len(vertices), 4), np.float32)
         colour[:, :3] = scene.vertex_colour[vertices] / np.float32(255.0)
     return pyrender.Primitive(
-        positions=scene.vertices[vertices],
+        positions=scene.vertices[vertices] - origin,
         # pyrender puts the origin of texture coordinates at the bottom left.
         texcoord_0=None if scene.uv is None else scene.uv[vertices] * (1.0, -1.0) + (0.0, 1.0),
         color_0=colour,
@@ -211,6 +222,8 @@ class _Library:
         os.environ.setdefault("PYOPENGL_PLATFORM", platform)  # PyOpenGL reads it once, when first imported
         if platform == "osmesa":
             osmesa_library()  # PyOpenGL's own search finds it only if it is there already
+        # It reports, at every start, that its optional accelerator is not there.
+        logging.getLogger("OpenGL.acceleratesupport").setLevel(logging.WARNING)
         import OpenGL
 
         if "OpenGL.GL" not in sys.modules:

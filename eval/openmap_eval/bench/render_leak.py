@@ -42,7 +42,7 @@ def measure(settings: Render, console: Console, frames: int = FRAMES, switches: 
         common = {"poses": str(scratch / "poses.npy")}
         for name in progress.track(names, description="looking for leaks"):
             try:
-                with ContenderProcess(name, homes, scratch, settings.lp_threads) as process:
+                with ContenderProcess(name, homes, scratch, settings.lp_threads, 1800.0) as process:
                     process.ask("open", width=width, height=height, **common)
                     grown = process.ask("grow", frames=frames, **common)["mib"]
                     changed = process.ask("grow", switches=switches, **common)["mib"]

@@ -16,9 +16,6 @@ from typing import Any
 
 from openmap_eval.bench.render_contenders import CONTENDERS
 
-PATIENCE_S = 240.0
-"""A contender that takes longer for one answer is given up."""
-
 
 class ContenderError(RuntimeError):
     """A contender cannot be measured here; the message says why."""
@@ -49,10 +46,14 @@ class ContenderProcess:
         For its cache and for what its libraries print.
     lp_threads : int or None
         Its LP_NUM_THREADS.
+    patience_s : float
+        A contender that takes longer for one answer is given up.
     """
 
-    def __init__(self, name: str, homes: Sequence[Path], scratch: Path, lp_threads: int | None = None) -> None:
-        self.name = name
+    def __init__(
+        self, name: str, homes: Sequence[Path], scratch: Path, lp_threads: int | None = None, patience_s: float = 240.0
+    ) -> None:
+        self.name, self._patience_s = name, patience_s
         plain = name.replace(" ", "-")
         environment = {**os.environ, "OPENMAP_CACHE": str(scratch / f"{plain}-cache")}
         environment.pop("OPENMAP_GL", None)
@@ -72,7 +73,7 @@ class ContenderProcess:
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         asked = time.monotonic()
-        patience = threading.Timer(PATIENCE_S, self._process.kill)
+        patience = threading.Timer(self._patience_s, self._process.kill)
         patience.start()
         try:
             self._process.stdin.write(json.dumps({"do": what, **details}) + "\n")
@@ -83,8 +84,8 @@ class ContenderProcess:
         finally:
             patience.cancel()
         if not line:
-            if time.monotonic() - asked >= PATIENCE_S:
-                raise ContenderError(f"it did not {what} within {PATIENCE_S:.0f} s")
+            if time.monotonic() - asked >= self._patience_s:
+                raise ContenderError(f"it did not {what} within {self._patience_s:.0f} s")
             said = self._log.read_text(errors="replace").strip().splitlines()
             raise ContenderError(
                 f"its process ended with status {self._process.wait()}: {said[-1] if said else 'silently'}"
