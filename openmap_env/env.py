@@ -75,6 +75,8 @@ class OpenMapNavEnv(gym.Env[Observation, int], EzPickle):
     | `compass` | (1,) | float32 | heading against that of the start, radians in [-pi, pi], positive to the left, as in Habitat |
     | `instruction` | - | str | what is asked |
 
+    `openmap_env.wrappers` adds others: the instruction as a vector, scaled depth, a map of what was seen (`TopDownOccupancy`).
+
     ## Starting State
     The scene and then the episode are drawn by `np_random` unless `reset(options=...)` names them. The body stands on the floor,
     looking level. `navigation`: at the episode's start. `retrieval`: at the scene's start, which is that of the scene's first

@@ -14,6 +14,7 @@ from typing import Any, Literal, NoReturn, cast
 import numpy as np
 
 from openmap_env.episodes import KINDS, Episode, Kind
+from openmap_env.episodes.jsonl import episode_of
 from openmap_env.measures import Measure, default_measures
 from openmap_env.navigation import Body, NavigableSurface
 from openmap_env.observations import SENSORS, Sensor
@@ -146,13 +147,18 @@ def _with_numbers(spec: str) -> str:
 def _episodes(episodes: Any) -> str | Path | list[Episode] | None:
     if episodes is None or (isinstance(episodes, str | Path) and str(episodes)):
         return episodes
-    expected = "None, the path of episodes, or a list of at least one Episode"
+    expected = "None, the path of episodes, or a list of at least one Episode (or its fields as a dict)"
     if isinstance(episodes, str | Mapping) or not isinstance(episodes, Sequence) or not episodes:
         refuse("episodes", episodes, expected)
-    for index, episode in enumerate(episodes):
-        if not isinstance(episode, Episode):
-            refuse(f"episodes[{index}]", episode, "an Episode")
-    return list(episodes)
+    return [_episode(f"episodes[{index}]", episode) for index, episode in enumerate(episodes)]
+
+
+def _episode(name: str, episode: Any) -> Episode:
+    if isinstance(episode, Episode):
+        return episode
+    if not isinstance(episode, dict):
+        refuse(name, episode, "an Episode, or its fields as a dict")
+    return episode_of(episode, name)
 
 
 def _names(name: str, values: Any, allowed: Sequence[str]) -> tuple[str, ...]:

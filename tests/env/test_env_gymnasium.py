@@ -97,6 +97,16 @@ def test_a_spec_goes_through_json_and_makes_the_same_environment(make, toy_specs
     again.close()
 
 
+def test_given_episodes_go_through_json_as_well(make):
+    first = make()
+    first.reset(seed=0)
+    env = make(scene=None, episodes=first.unwrapped.episodes[:3], episodes_per_scene=None)
+    again = gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
+    assert again.unwrapped.settings == env.unwrapped.settings
+    assert again.reset(seed=4)[1] == env.reset(seed=4)[1]
+    again.close()
+
+
 def test_what_an_agent_writes_into_an_observation_stays_there(make):
     for render_mode in (None, "rgb_array"):
         env, twin = make(render_mode=render_mode), make(render_mode=render_mode)

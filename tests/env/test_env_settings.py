@@ -48,6 +48,7 @@ class Nameless:
         ({"scene": "homes:vla"}, "homes:val"),
         ({"episodes": []}, "episodes is .*at least one"),
         ({"episodes": [3]}, r"episodes\[0\] is 3"),
+        ({"episodes": [{"episode_id": "one"}]}, r"episodes\[0\]"),
         ({"episodes": 3}, "episodes is 3"),
         ({"sensors": "rgb"}, "sensors is 'rgb', expected a list"),
         ({"sensors": ()}, "sensors is .*one or more"),
