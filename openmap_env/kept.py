@@ -66,6 +66,13 @@ def kept(
     return _open(entry) or made
 
 
+def kept_before(
+    kind: str, parts: Iterable[npt.NDArray[Any] | str | None], makers: Iterable[ModuleType]
+) -> Arrays | None:
+    """What ``kept`` would find with these arguments, or None where it would have to make it."""
+    return _open(derived_folder() / f"{kind}-{_key(parts, makers)}")
+
+
 def derived_folder() -> Path:
     """Where the arrays are kept, one folder a set of them."""
     return cache_root() / "derived-v1"

@@ -1,31 +1,33 @@
 """The default renderer: colour, instance ids and depth in one OpenGL pass, in software or on a GPU.
 
-One draw writes three targets: RGBA8 colour, R32I instance id and R32F planar depth. Faces are drawn in compact batches, those
-inside the view frustum only, front to back. Textures of one size share a texture array, so that a batch is cut by place and
-not by material.
+One draw writes three targets: RGBA8 colour, R32I instance id and R32F planar depth. Faces lie in small compact batches; those that
+the view frustum holds and that nothing hides (``visibility``) are gathered, front to back, into one index buffer. Textures
+share few arrays (``textures``), so a picture takes as few draws.
 """
 
 from __future__ import annotations
 
+import sys
 import weakref
-from typing import Any
+from collections.abc import Callable
+from types import ModuleType
+from typing import Any, Literal
 
 import moderngl
 import numpy as np
 import numpy.typing as npt
 
+from openmap_env.kept import kept, kept_before
+from openmap_env.rendering import visibility
 from openmap_env.rendering.context import Platform, open_context
-from openmap_env.rendering.geometry import (
-    Batches,
-    check_pose,
-    check_range,
-    projection_matrix,
-    split_into_batches,
-    view_matrix,
-    visible_boxes,
-)
+from openmap_env.rendering.drawing import VERTEX_FORMAT, VERTEX_TYPE, DrawMesh, draw_mesh
+from openmap_env.rendering.geometry import check_pose, check_range, projection_matrix, view_matrix
 from openmap_env.rendering.protocol import Frame
+from openmap_env.rendering.textures import TexturePlan
+from openmap_env.rendering.visibility import WIDER, Occlusion, VisibleSets, cells_of, cube_camera, cube_poses
 from openmap_scenes import PinholeCamera, Scene
+
+Culling = Literal["occlusion", "frustum"]
 
 _VERTEX_SHADER = """
 #version 330 core
@@ -63,14 +65,10 @@ void main() {
 }
 """
 
-_VERTEX_TYPE = np.dtype(
-    [("position", "3f4"), ("uv", "2f4"), ("colour", "3f4"), ("layer", "i4"), ("instance", "i4")], align=False
-)
-_VERTEX_FORMAT = "3f4 2f4 3f4 1i4 1i4"
-_FACES_PER_BATCH = 2048
-_LAYERS_PER_ARRAY = 256  # OpenGL 3.3 promises no more
-_TEXELS_PER_ARRAY = 1 << 26  # Mesa refuses single textures beyond a gigabyte
-_WHITE = np.full((1, 1, 3), 255, np.uint8)
+FIRST_LAYER = 4096
+"""So many faces, nearest first, are drawn of what a guess left out before it is asked again what they hide."""
+FACES_PER_BATCH = 64
+"""Small enough to be hidden as a whole by one thing, large enough that looking at every batch costs less than drawing."""
 
 
 class OpenGLRenderer:
@@ -87,6 +85,10 @@ class OpenGLRenderer:
         OSMesa. Mesa's software rasteriser uses ``LP_NUM_THREADS`` threads: 0 is best in the workers of a vector environment.
     anisotropy : float
         Samples along the steeper direction of a slanted texture; 1 = plain mipmaps.
+    culling : {"occlusion", "frustum"}
+        What is left out: what is certainly hidden, or only what lies outside the view. The pictures are the same to the last bit.
+    faces_per_batch : int
+        Faces that are drawn or left out together.
 
     Raises
     ------
@@ -103,122 +105,190 @@ class OpenGLRenderer:
         far: float = 100.0,
         platform: Platform = "auto",
         anisotropy: float = 1.0,
+        culling: Culling = "occlusion",
+        faces_per_batch: int = FACES_PER_BATCH,
     ) -> None:
         check_range(near, far)
+        if culling not in ("occlusion", "frustum"):
+            raise ValueError(f"culling is {culling!r}, expected 'occlusion' or 'frustum'")
+        if isinstance(faces_per_batch, bool) or not isinstance(faces_per_batch, int) or faces_per_batch < 1:
+            raise ValueError(f"faces_per_batch is {faces_per_batch!r}, expected a whole number of at least 1")
         self.scene, self.camera = scene, camera
-        self._projection = projection_matrix(camera, near, far)
-        pictures = _pictures(scene)
-        layers, groups = _group_pictures(pictures)
-        self._batches = split_into_batches(scene.vertices, scene.faces, groups[scene.face_material], _FACES_PER_BATCH)
-        vertices, indices = _vertex_buffer(scene, self._batches, layers)
+        self._near, self._far, self._culling = near, far, culling
+        mesh = draw_mesh(scene, faces_per_batch)
+        self._geometry = (mesh.vertices["position"], mesh.indices, mesh.batches.starts)
+        self._occlusion = Occlusion(mesh.batches, mesh.indices)
+        self._sets = VisibleSets(len(mesh.batches))
         self._context = open_context(platform)
         # Also runs when the renderer is forgotten, or at exit, while the libraries are still whole.
         self._release = weakref.finalize(self, self._context.close)
         self.platform = self._context.platform
         with self._context.current() as gl:
-            self._program = gl.program(vertex_shader=_VERTEX_SHADER, fragment_shader=_FRAGMENT_SHADER)
-            self._arrays = [
-                _upload_pictures(gl, [pictures[m] for m in np.flatnonzero(groups == group)], anisotropy)
-                for group in range(int(groups.max()) + 1)
-            ]
-            self._mesh = gl.vertex_array(
-                self._program,
-                [(gl.buffer(vertices), _VERTEX_FORMAT, *(_VERTEX_TYPE.names or ()))],
-                index_buffer=gl.buffer(indices),
-            )
-            size = (camera.width, camera.height)
-            self._target = gl.framebuffer(
-                [gl.renderbuffer(size, 4), gl.renderbuffer(size, 1, dtype="i4"), gl.renderbuffer(size, 1, dtype="f4")],
-                gl.depth_renderbuffer(size),
-            )
+            self._upload(gl, mesh, anisotropy)
+            self._view = _View(gl, camera, near, far)
+
+    def _upload(self, gl: Any, mesh: DrawMesh, anisotropy: float) -> None:
+        self._program = gl.program(vertex_shader=_VERTEX_SHADER, fragment_shader=_FRAGMENT_SHADER)
+        self._arrays = [_upload_layers(gl, mesh.textures, g, anisotropy) for g in range(len(mesh.textures.sizes))]
+        self._chosen = gl.buffer(reserve=mesh.indices.nbytes, dynamic=True)
+        self._mesh = gl.vertex_array(
+            self._program,
+            [(gl.buffer(mesh.vertices), VERTEX_FORMAT, *(VERTEX_TYPE.names or ()))],
+            index_buffer=self._chosen,
+        )
 
     def render(self, T_world_camera: npt.NDArray[np.floating]) -> Frame:
         """The frame from a camera-to-world pose (4, 4); ValueError if it is not rigid, RuntimeError after ``close``."""
         pose = check_pose(T_world_camera)
-        T_clip_world = self._projection @ view_matrix(pose)
-        batches = self._batches
+        occlusion, view = self._occlusion, self._view
         with self._context.current() as gl:
-            self._target.use()
-            self._target.clear()
             gl.enable_only(moderngl.DEPTH_TEST)
-            self._program["T_clip_world"].write(np.ascontiguousarray(T_clip_world.T, np.float32))
-            bound = -1
-            for batch in visible_boxes(batches.low, batches.high, T_clip_world, pose[:3, 3]).tolist():
-                if batches.group[batch] != bound:
-                    bound = int(batches.group[batch])
-                    self._arrays[bound].use(0)
-                first, last = 3 * int(batches.starts[batch]), 3 * int(batches.starts[batch + 1])
-                self._mesh.render(moderngl.TRIANGLES, vertices=last - first, first=first)
-            return self._read()
+            self._begin(occlusion, view, pose)
+            if self._culling == "occlusion":
+                self._draw_what_shows(gl, view, self._sets.at(pose[:3, 3]))
+            else:
+                self._draw(occlusion, occlusion.in_view)
+                view.read_depth()
+            return view.read()
 
-    def _read(self) -> Frame:
-        h, w = self.camera.height, self.camera.width
-        frame = Frame(np.empty((h, w, 3), np.uint8), np.empty((h, w), np.float32), np.empty((h, w), np.int32))
-        self._target.read_into(frame.rgb, components=3, attachment=0, alignment=1)
-        self._target.read_into(frame.instance, components=1, attachment=1, dtype="i4", alignment=1)
-        self._target.read_into(frame.depth, components=1, attachment=2, dtype="f4", alignment=1)
-        return frame
+    def _draw_what_shows(self, gl: Any, view: _View, seen_before: npt.NDArray[np.bool_]) -> None:
+        """Draw a guess, and what it does not hide nearest first, until nothing is missing; note what showed."""
+        occlusion = self._occlusion
+        drawn, tied = occlusion.guess(seen_before), False
+        self._draw(occlusion, drawn)
+        layer = FIRST_LAYER
+        while len(more := occlusion.missing(view.read_depth(), drawn, layer)):
+            # Among faces at one depth the first wins, and the order must not depend on the guess.
+            tied = tied or self._ties(gl, more)
+            self._draw(occlusion, more)
+            drawn, layer = np.union1d(drawn, more), 2 * layer
+        if tied:
+            view.target.clear()
+            self._draw(occlusion, drawn)
+            view.read_depth()
+        occlusion.remember(seen_before)
+
+    def _ties(self, gl: Any, batches: npt.NDArray[np.int64]) -> bool:
+        """Whether any pixel of the batches lies exactly as deep as what was drawn there."""
+        target, query = self._view.target, gl.query(samples=True)
+        target.color_mask = ((False,) * 4,) * 3
+        target.depth_mask = False
+        gl.depth_func = "=="
+        with query:
+            self._draw(self._occlusion, batches)
+        gl.depth_func = "<"
+        target.depth_mask = True
+        target.color_mask = ((True,) * 4,) * 3
+        return bool(query.samples)
+
+    def learn(self, places: npt.NDArray[np.floating], progress: Callable[[int, int], None] | None = None) -> None:
+        """Find out ahead what shows from about each of the places (n, 3) m, or take it from the disk; pictures stay as they are.
+
+        What was found is kept on disk (``kept``). ``progress`` is told how many of how many cells of places are done.
+        """
+        middles = cells_of(places)
+
+        def look() -> dict[str, npt.NDArray[np.generic]]:
+            sets = VisibleSets(len(self._occlusion))
+            with self._context.current() as gl:
+                gl.enable_only(moderngl.DEPTH_TEST)
+                view = _View(gl, cube_camera(), self._near, self._far)
+                occlusion = self._occlusion.widened(WIDER)
+                expected = np.zeros(len(occlusion), bool)
+                for n, middle in enumerate(middles):
+                    shows = sets.at(middle)
+                    self._look_around(occlusion, view, middle, expected, shows)
+                    expected = shows
+                    if progress is not None:
+                        progress(n + 1, len(middles))
+            return sets.to_arrays()
+
+        self._sets.add(kept("visible", *self._key_of(middles), look))
+
+    def recall(self, places: npt.NDArray[np.floating]) -> bool:
+        """Take what ``learn`` found for the same places once from the disk; whether there was something."""
+        found = kept_before("visible", *self._key_of(cells_of(places)))
+        if found is not None:
+            self._sets.add(found)
+        return found is not None
+
+    def _key_of(self, middles: npt.NDArray[np.float64]) -> tuple[list[npt.NDArray[Any] | str | None], list[ModuleType]]:
+        return [*self._geometry, middles, f"{self._near} {self._far}"], [visibility, sys.modules[__name__]]
+
+    def _look_around(
+        self,
+        occlusion: Occlusion,
+        view: _View,
+        middle: npt.NDArray[np.float64],
+        expected: npt.NDArray[np.bool_],
+        shows: npt.NDArray[np.bool_],
+    ) -> None:
+        """Note in a set (B,) what shows from about a place; ``expected`` (B,) is what showed from the place before."""
+        for pose in cube_poses(middle):
+            self._begin(occlusion, view, pose)
+            drawn, layer = occlusion.guess(expected), FIRST_LAYER
+            self._draw(occlusion, drawn)
+            while len(more := occlusion.missing(view.read_depth(), drawn, layer)):
+                self._draw(occlusion, more)
+                drawn, layer = np.union1d(drawn, more), 2 * layer
+            occlusion.remember(shows)
+
+    def _begin(self, occlusion: Occlusion, view: _View, pose: npt.NDArray[np.float64]) -> None:
+        T_clip_world = view.projection @ view_matrix(pose)
+        occlusion.begin(T_clip_world, pose[:3, 3], view.camera, self._near)
+        view.target.use()
+        view.target.clear()
+        self._program["T_clip_world"].write(np.ascontiguousarray(T_clip_world.T, np.float32))
+
+    def _draw(self, occlusion: Occlusion, batches: npt.NDArray[np.int64]) -> None:
+        """Draw batches of faces on top of what is there."""
+        indices, counts = occlusion.gather(batches)
+        self._chosen.orphan()
+        self._chosen.write(indices)
+        first = 0
+        for array, count in zip(self._arrays, counts, strict=True):
+            if count:
+                array.use(0)
+                self._mesh.render(moderngl.TRIANGLES, vertices=count, first=first)
+                first += count
 
     def close(self) -> None:
         """Give back the graphics context; closing twice is harmless."""
         self._release()
 
 
-def _pictures(scene: Scene) -> list[npt.NDArray[np.uint8]]:
-    """The texture (h, w, 3) of each material; one white texel where there is none."""
-    return [_WHITE if m.texture is None or scene.uv is None else m.texture for m in scene.materials]
+class _View:
+    """A camera and the frame buffer that it draws to; its pictures belong to whoever reads them."""
+
+    def __init__(self, gl: Any, camera: PinholeCamera, near: float, far: float) -> None:
+        self.camera, self.projection = camera, projection_matrix(camera, near, far)
+        size = (camera.width, camera.height)
+        self.target = gl.framebuffer(
+            [gl.renderbuffer(size, 4), gl.renderbuffer(size, 1, dtype="i4"), gl.renderbuffer(size, 1, dtype="f4")],
+            gl.depth_renderbuffer(size),
+        )
+
+    def read_depth(self) -> npt.NDArray[np.float32]:
+        """The depth (H, W) m of what was drawn."""
+        self._depth = np.empty((self.camera.height, self.camera.width), np.float32)
+        self.target.read_into(self._depth, components=1, attachment=2, dtype="f4", alignment=1)
+        return self._depth
+
+    def read(self) -> Frame:
+        """The whole frame, whose depth has been read."""
+        h, w = self.camera.height, self.camera.width
+        frame = Frame(np.empty((h, w, 3), np.uint8), self._depth, np.empty((h, w), np.int32))
+        self.target.read_into(frame.rgb, components=3, attachment=0, alignment=1)
+        self.target.read_into(frame.instance, components=1, attachment=1, dtype="i4", alignment=1)
+        return frame
 
 
-def _group_pictures(pictures: list[npt.NDArray[np.uint8]]) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int64]]:
-    """For each picture its layer (M,) in, and its number (M,) of, an array of pictures of one size."""
-    by_size: dict[tuple[int, ...], list[int]] = {}
-    for index, picture in enumerate(pictures):
-        by_size.setdefault(picture.shape, []).append(index)
-    layers, groups, number = np.zeros(len(pictures), np.int32), np.zeros(len(pictures), np.int64), 0
-    for (h, w, _), members in sorted(by_size.items()):
-        capacity = max(1, min(_LAYERS_PER_ARRAY, _TEXELS_PER_ARRAY // (h * w)))
-        for first in range(0, len(members), capacity):
-            part = members[first : first + capacity]
-            layers[part], groups[part] = np.arange(len(part)), number
-            number += 1
-    return layers, groups
-
-
-def _vertex_buffer(
-    scene: Scene, batches: Batches, layers: npt.NDArray[np.int32]
-) -> tuple[npt.NDArray[np.void], npt.NDArray[np.uint32]]:
-    """Vertices (n,) of ``_VERTEX_TYPE`` and indices (3F,), batch after batch.
-
-    A vertex is repeated for every instance and material that uses it, so that the three corners of a face agree on both and
-    "flat" needs no convention about which corner provokes.
-    """
-    faces = scene.faces[batches.order].astype(np.int64)
-    looks = np.stack([scene.face_instance[batches.order], scene.face_material[batches.order]], 1)
-    kinds, kind = np.unique(looks, axis=0, return_inverse=True)
-    keys = (faces * len(kinds) + kind.reshape(-1, 1)).reshape(-1)
-    unique, firsts, indices = np.unique(keys, return_index=True, return_inverse=True)
-    # Numbered in order of first use, so that a batch's vertices lie together.
-    rank = np.empty(len(unique), np.int64)
-    order = np.argsort(firsts, kind="stable")
-    rank[order] = np.arange(len(unique))
-    vertex, (instance, material) = unique[order] // len(kinds), kinds[unique[order] % len(kinds)].T
-    buffer = np.zeros(len(unique), _VERTEX_TYPE)
-    buffer["position"] = scene.vertices[vertex]
-    if scene.uv is not None:
-        buffer["uv"] = scene.uv[vertex]
-    buffer["colour"] = np.stack([m.colour for m in scene.materials])[material]
-    if scene.vertex_colour is not None:
-        buffer["colour"] *= scene.vertex_colour[vertex] / np.float32(255.0)
-    buffer["layer"], buffer["instance"] = layers[material], instance
-    return buffer, rank[indices.reshape(-1)].astype(np.uint32)
-
-
-def _upload_pictures(gl: Any, pictures: list[npt.NDArray[np.uint8]], anisotropy: float) -> Any:
-    """A repeating texture array with mipmaps from pictures (h, w, 3) of one size."""
-    h, w = pictures[0].shape[:2]
-    array = gl.texture_array((w, h, len(pictures)), 3, alignment=1)
-    for layer, picture in enumerate(pictures):
-        array.write(np.ascontiguousarray(picture), viewport=(0, 0, layer, w, h, 1), alignment=1)
+def _upload_layers(gl: Any, plan: TexturePlan, group: int, anisotropy: float) -> Any:
+    """A repeating texture array with mipmaps."""
+    (h, w), n = plan.sizes[group], len(plan.pictures[group])
+    array = gl.texture_array((w, h, n), 4)
+    for layer in range(n):
+        array.write(plan.layer_pixels(group, layer), viewport=(0, 0, layer, w, h, 1))
     array.repeat_x = array.repeat_y = True
     if (h, w) == (1, 1):
         array.filter = (moderngl.NEAREST, moderngl.NEAREST)
