@@ -150,7 +150,7 @@ def differing(first: Frame, second: Frame) -> tuple[float, bool]:
 def assert_same_as_reference(
     shown: list[Frame], reference: list[Frame], *, rgb_tolerance: float, depth_tolerance: float = 1e-3
 ) -> None:
-    """Ids differ in fewer than 2 of 1000 pixels, all on borders; away from edges depth is within 1 mm in all but 1 of 10,000, and colours are near."""
+    """Ids differ in under 0.2 % of pixels, all on borders; off edges depth is within 1 mm in 99.99 %, and colours are near."""
     for a, b in zip(shown, reference, strict=True):
         share, on_borders = differing(b, a)
         assert share < 2e-3
