@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from openmap_env.env import OpenMapNavEnv
 
 AGENTS = ("openmap", "random", "stand_still", "oracle")
+LEARNED = "ppo:"
+"""Before the path of a policy that ``openmap_agents.training`` wrote."""
 
 
 def make_agent(
@@ -32,7 +34,7 @@ def make_agent(
 
     Parameters
     ----------
-    name : {"openmap", "random", "stand_still", "oracle"}
+    name : {"openmap", "random", "stand_still", "oracle"} or "ppo:<policy.safetensors>"
     env : gym.Env
         An ``OpenMapNavEnv``, wrapped or not. The openmap agent takes the camera, the sizes of the actions and the step limit
         from it, and looks at nothing else of it unless ``perception`` is "oracle".
@@ -49,12 +51,16 @@ def make_agent(
     Raises
     ------
     ValueError
-        An argument is none of the above.
+        An argument is none of the above, or the policy's file cannot be used.
     """
-    if name not in AGENTS:
-        raise ValueError(f"agent is {name!r}, expected one of {', '.join(AGENTS)}")
+    if name not in AGENTS and not name.startswith(LEARNED):
+        raise ValueError(f"agent is {name!r}, expected one of {', '.join(AGENTS)}, or {LEARNED}<policy.safetensors>")
     if protocol not in ("retrieval", "navigation"):
         raise ValueError(f"protocol is {protocol!r}, expected retrieval or navigation")
+    if name.startswith(LEARNED):
+        from openmap_agents.training import load
+
+        return load(name.removeprefix(LEARNED), seed)
     rng = np.random.default_rng(seed)
     if name == "openmap":
         return _openmap(_bare(env), perception, llm, protocol, rng, settings)
