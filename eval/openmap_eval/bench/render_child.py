@@ -122,7 +122,7 @@ class _Child:
             return {"mib": self._settled() - before}
         self._close(request)
         before = 0.0
-        for k in range(-4, switches):
+        for k in range(-10, switches):  # the allocator takes some rounds until it holds all that it will ever need
             if k == 0:
                 before = self._settled()
             eye = open_eye(self._name, self._scenes[k % len(self._scenes)], self._camera)
