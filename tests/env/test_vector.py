@@ -89,12 +89,12 @@ def test_workers_do_what_they_are_asked_and_say_what_goes_wrong(settings):
     envs.reset(seed=[5, None, 7])
     assert envs.np_random_seed[0] == 5
     assert envs.np_random_seed[2] == 7
-    assert [frame.shape for frame in envs.render()] == [(12, 44, 3)] * 3
+    assert [(frame.shape[2], frame.dtype) for frame in envs.render()] == [(3, np.uint8)] * 3
     centres = [episode.targets[0].centre for episode in envs.get_attr("episode")]
     T_world_episode = envs.get_attr("T_world_episode")
     places = [(np.linalg.inv(T) @ [*c, 1.0])[None, :3] for T, c in zip(T_world_episode, centres, strict=True)]
     envs.declare([places[0], None, places[2]])
-    with pytest.raises(ValueError, match=r"shape \(1, 2\).*expected finite \(k, 3\)") as raised:
+    with pytest.raises(ValueError, match=r"shape \(k, 3\)") as raised:
         envs.call_on([1], "declare", [[1.0, 2.0]])
     assert "in worker 1 of the vector environment" in raised.value.__notes__[0]
     assert "in declare" in raised.value.__notes__[0], "the traceback of the worker"
