@@ -257,6 +257,13 @@ class OpenGLRenderer:
         self._release()
 
 
+def prepare_opengl(
+    scene: Scene, camera: PinholeCamera, *, faces_per_batch: int = FACES_PER_BATCH, **others: object
+) -> None:
+    """Lay the scene out for drawing and keep that on disk for the renderer to come; no other setting matters to it."""
+    draw_mesh(scene, faces_per_batch)
+
+
 class _View:
     """A camera and the frame buffer that it draws to; its pictures belong to whoever reads them."""
 
