@@ -209,6 +209,27 @@ def test_pictures_of_surfaces_that_lie_in_each_other_are_the_same_to_the_last_bi
 
 
 @needs_opengl
+def test_the_guess_decides_nothing_where_two_faces_lie_at_one_depth(toy_scene: Scene, make: Make) -> None:
+    """Each face a batch, each there twice with another instance, and any of them guessed: the same one must win everywhere."""
+    twice = replace(
+        toy_scene,
+        faces=np.repeat(toy_scene.faces, 2, axis=0),
+        face_material=np.repeat(toy_scene.face_material, 2),
+        face_instance=np.stack([toy_scene.face_instance, np.roll(toy_scene.face_instance, 13)], 1).reshape(-1),
+    )
+    camera = PinholeCamera.from_hfov(81, 61, 90.0)
+    everything = make("opengl frustum", twice, camera, faces_per_batch=1)
+    rng = np.random.default_rng(8)
+    for pose in walk(rng, np.array([-5.8, 1.2, -1.8]), np.array([5.8, 1.3, 1.8]), 12):
+        frame = everything.render(pose)
+        guessing = make("opengl", twice, camera, faces_per_batch=1)
+        guessed = guessing._sets.at(pose[:3, 3])  # type: ignore[attr-defined]
+        guessed[rng.random(len(guessed)) < 0.5] = True
+        np.testing.assert_array_equal(guessing.render(pose).instance, frame.instance)
+        guessing.close()
+
+
+@needs_opengl
 def test_pictures_of_a_house_of_scanned_size_are_the_same_to_the_last_bit(shared_scenes: Path, make: Make) -> None:
     scene = load_scene(f"mp3d:{shared_scenes / 'mp3d' / 'aws_small_house'}")
     low, high = scene.aabb
