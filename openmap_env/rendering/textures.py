@@ -21,7 +21,7 @@ MAX_LAYERS = 256
 """OpenGL 3.3 promises no more layers an array."""
 MAX_TEXELS = 1 << 26
 """Mesa refuses single textures beyond a gigabyte."""
-SPARE_TEXELS = 12 << 20
+SPARE_TEXELS = 4 << 20
 """So many texels may be spent on filling larger layers with smaller pictures."""
 _WHITE: Picture = np.full((1, 1, 3), 255, np.uint8)
 
