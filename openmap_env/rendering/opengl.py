@@ -242,15 +242,14 @@ class OpenGLRenderer:
 
     def _draw(self, occlusion: Occlusion, batches: npt.NDArray[np.int64]) -> None:
         """Draw batches of faces on top of what is there."""
-        indices, counts = occlusion.gather(batches)
+        indices, runs = occlusion.gather(batches)
         self._chosen.orphan()
         self._chosen.write(indices)
         first = 0
-        for array, count in zip(self._arrays, counts, strict=True):
-            if count:
-                array.use(0)
-                self._mesh.render(moderngl.TRIANGLES, vertices=count, first=first)
-                first += count
+        for group, count in runs:
+            self._arrays[group].use(0)
+            self._mesh.render(moderngl.TRIANGLES, vertices=count, first=first)
+            first += count
 
     def close(self) -> None:
         """Give back the graphics context; closing twice is harmless."""

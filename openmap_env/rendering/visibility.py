@@ -25,6 +25,8 @@ SLACK, RELATIVE_SLACK = 1e-3, 1e-4
 """A box counts as hidden only if it lies this much, m and in parts of its depth, behind: far more than depth buffers round."""
 CELL = 0.5
 """Places closer than this, m, share a remembered set."""
+_SHELLS = np.square([*np.arange(0.25, 4.0, 0.25), 4.5, 5.0, 6.0, 8.0])
+"""Squares of the distances, m, at which what is drawn front to back may begin with the first group anew."""
 WIDER = 0.15
 """Boxes grown by this, m, stand for what other places of a cell see of them."""
 
@@ -209,15 +211,18 @@ class Occlusion:
         showing = self.in_view[self._shows[self.in_view]]
         self._last[showing] = shows[showing] = True
 
-    def gather(self, batches: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.uint32], list[int]]:
-        """The corners of the batches' faces, by group and then front to back, and how many corners each group has.
+    def gather(self, batches: npt.NDArray[np.int64]) -> tuple[npt.NDArray[np.uint32], list[tuple[int, int]]]:
+        """The corners of the batches' faces in the order to draw them, and runs of them: a group and how many corners.
 
-        The order depends on nothing but the view and the batches.
+        Front to back, shell by shell of distance, so that groups take few runs. The order depends on nothing but the view and
+        the batches.
         """
-        order = batches[np.lexsort((batches, self._gap_to(batches), self._group[batches]))]
-        n = gather(order, self._starts, self._indices, self._gathered)
-        corners = np.bincount(self._group[order], weights=3 * self._faces[order], minlength=self._n_groups)
-        return self._gathered[:n], corners.astype(np.int64).tolist()
+        gap, group = self._gap_to(batches), self._group[batches]
+        run = np.searchsorted(_SHELLS, gap) * self._n_groups + group
+        order = np.lexsort((batches, gap, run))
+        n = gather(batches[order], self._starts, self._indices, self._gathered)
+        corners = np.bincount(run, weights=3 * self._faces[batches]).astype(np.int64)
+        return self._gathered[:n], [(r % self._n_groups, int(corners[r])) for r in np.flatnonzero(corners).tolist()]
 
     def _gap_to(self, batches: npt.NDArray[np.int64]) -> npt.NDArray[np.float64]:
         gap_to(self._low, self._high, batches, self._position, self._gaps)

@@ -147,11 +147,14 @@ def test_what_is_drawn_is_ordered_by_the_view_alone() -> None:
     batches = Batches(np.arange(50), starts, np.repeat([0, 1], 25), low, low + 0.3)
     occlusion = Occlusion(batches, np.arange(150, dtype=np.uint32))
     occlusion.begin(projection_matrix(CAMERA, NEAR, 100.0) @ view_matrix(look((0, 0, 5))), np.zeros(3), CAMERA, NEAR)
-    corners, counts = occlusion.gather(np.arange(50))
-    shuffled, same_counts = occlusion.gather(rng.permutation(50))
-    np.testing.assert_array_equal(corners.copy(), shuffled)
-    assert counts == same_counts == [75, 75]
+    corners, runs = occlusion.gather(np.arange(50))
+    corners = corners.copy()
+    shuffled, same_runs = occlusion.gather(rng.permutation(50))
+    np.testing.assert_array_equal(corners, shuffled)
+    assert runs == same_runs
     np.testing.assert_array_equal(np.sort(corners), np.arange(150))
+    groups = np.repeat([group for group, _ in runs], [count for _, count in runs])
+    np.testing.assert_array_equal(groups, corners // 75)
 
 
 def same_pictures(make: Make, scene: Scene, poses: list[npt.NDArray[np.float64]], **settings: object) -> None:
