@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from openmap_env.actions import Action
 from openmap_env.navigation import Body, NavigableSurface
-from openmap_env.rendering import Frame, Renderer, make_renderer
+from openmap_env.rendering import Frame, LooksAhead, Renderer, make_renderer
 from openmap_scenes import PinholeCamera, Scene
 
 PITCH_LIMIT = math.radians(60.0)
@@ -22,6 +22,8 @@ _ACTIONS = frozenset(int(action) for action in Action)
 _STOP, _FORWARD, _LEFT, _RIGHT, _UP = (
     int(a) for a in (Action.STOP, Action.MOVE_FORWARD, Action.TURN_LEFT, Action.TURN_RIGHT, Action.LOOK_UP)
 )
+LARGE = 0.1
+"""Floors of less than this share of the largest are not looked at ahead."""
 COLLISION_SHARE = 0.9
 """A step counts as a collision if the body ends less than this share of it, horizontally, from where it was."""
 
@@ -72,6 +74,8 @@ class Simulator:
         self.camera_height, self.forward_step = camera_height, forward_step
         self.turn, self.look = math.radians(turn_deg), math.radians(look_deg)
         self.renderer = _renderer(renderer, scene, camera)
+        if isinstance(self.renderer, LooksAhead):
+            self.renderer.recall(eye_places(self.surface, camera_height))
         self._position: npt.NDArray[np.float64] | None = None
         self._heading = self._pitch = 0.0
         self._T_world_camera: npt.NDArray[np.float64] | None = None
@@ -189,6 +193,12 @@ class Simulator:
     def close(self) -> None:
         """Close the renderer; closing twice is harmless."""
         self.renderer.close()
+
+
+def eye_places(surface: NavigableSurface, camera_height: float) -> npt.NDArray[np.float64]:
+    """Where the camera may be, (n, 3) m: above each cell of every large floor, so many m."""
+    large = np.flatnonzero(surface.grounded_areas >= LARGE * surface.grounded_areas.max())
+    return np.asarray(surface.centres[np.isin(surface.island, large)] + np.array([0.0, camera_height, 0.0]))
 
 
 def _renderer(renderer: str | Mapping[str, Any] | Renderer, scene: Scene, camera: PinholeCamera) -> Renderer:

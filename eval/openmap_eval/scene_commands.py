@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Annotated
 
 import tyro
 from rich.console import Console
-from rich.progress import track
+from rich.progress import Progress, TaskID, track
 from rich.table import Table
 
 from openmap_scenes import DataError, Scene, load_scene
@@ -39,6 +40,41 @@ class ListScenes:
                 "scans of Matterport3D, HM3D, Gibson, Replica or ScanNet, or plain meshes",
                 "scenes/README.md shows each layout.",
             )
+
+
+@dataclass(frozen=True)
+class PrepareScenes:
+    """Keep on disk all that an environment needs of scenes: the scene, its floor, its draw order, and what shows from where.
+
+    Environments make the first three by themselves when they first need them; the last makes pictures from places that no one has
+    been to cheaper. Pictures are the same with and without it.
+    """
+
+    scenes: tyro.conf.Positional[tuple[str, ...]]
+    """Specs; homes:val/0-9 means ten of them."""
+    camera_height: float = 1.25
+    """As the environments will have it, m."""
+
+    def run(self, console: Console) -> None:
+        from openmap_env.rendering import LooksAhead
+        from openmap_env.simulator import Simulator, eye_places
+        from openmap_scenes import PinholeCamera
+
+        with Progress(console=console, transient=True) as progress:
+            for spec in _expanded(self.scenes):
+                told = partial(_tell, progress, progress.add_task(spec, total=None))
+                camera = PinholeCamera.from_hfov(64, 64, 90.0)
+                simulator = Simulator(load_scene(spec), camera, camera_height=self.camera_height)
+                try:
+                    if isinstance(simulator.renderer, LooksAhead):
+                        simulator.renderer.learn(eye_places(simulator.surface, self.camera_height), told)
+                finally:
+                    simulator.close()
+                console.print(f"{spec}: ready, {simulator.surface.island_areas[0]:.0f} m2 to walk on", highlight=False)
+
+
+def _tell(progress: Progress, bar: TaskID, done: int, all_of_them: int) -> None:
+    progress.update(bar, completed=done, total=all_of_them)
 
 
 @dataclass(frozen=True)
@@ -130,6 +166,7 @@ class CheckScenes:
 
 SceneCommand = (
     Annotated[ListScenes, tyro.conf.subcommand("list")]
+    | Annotated[PrepareScenes, tyro.conf.subcommand("prepare")]
     | Annotated[BuildScenes, tyro.conf.subcommand("build")]
     | Annotated[ShowScene, tyro.conf.subcommand("show")]
     | Annotated[CheckScenes, tyro.conf.subcommand("check")]

@@ -12,11 +12,20 @@ from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
-from openmap_env.rendering.protocol import Frame, Renderer, RendererUnavailableError
+from openmap_env.rendering.protocol import Frame, LooksAhead, Renderer, RendererUnavailableError
 from openmap_env.rendering.settings import checked
 from openmap_scenes import PinholeCamera, Scene
 
-__all__ = ["AUTO", "RENDERERS", "Frame", "Renderer", "RendererUnavailableError", "make_renderer", "prepare"]
+__all__ = [
+    "AUTO",
+    "RENDERERS",
+    "Frame",
+    "LooksAhead",
+    "Renderer",
+    "RendererUnavailableError",
+    "make_renderer",
+    "prepare",
+]
 
 AUTO = "auto"
 """The name that stands for ``opengl`` or, where no context opens, ``raycast``."""

@@ -212,6 +212,11 @@ class OpenGLRenderer:
             self._sets.add(found)
         return found is not None
 
+    def forget(self) -> None:
+        """Forget what shows from where, as a renderer that was just made; pictures stay as they are."""
+        self._sets = VisibleSets(len(self._occlusion))
+        self._occlusion.forget()
+
     def _key_of(self, middles: npt.NDArray[np.float64]) -> tuple[list[npt.NDArray[Any] | str | None], list[ModuleType]]:
         return [*self._geometry, middles, f"{self._near} {self._far}"], [visibility, sys.modules[__name__]]
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -46,4 +47,17 @@ class Renderer(Protocol):
 
     def close(self) -> None:
         """Give back the graphics context; closing twice is harmless."""
+        ...
+
+
+@runtime_checkable
+class LooksAhead(Protocol):
+    """A renderer that is faster where it knows ahead from where it will look; its pictures are the same."""
+
+    def learn(self, places: npt.NDArray[np.floating], progress: Callable[[int, int], None] | None = None) -> None:
+        """Find out what shows from places (n, 3) m, or take it from the disk, where it is kept."""
+        ...
+
+    def recall(self, places: npt.NDArray[np.floating]) -> bool:
+        """Take what was found out earlier for the same places from the disk; whether there was something."""
         ...

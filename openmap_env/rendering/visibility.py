@@ -152,13 +152,18 @@ class Occlusion:
         self._n_groups = int(batches.group.max(initial=0)) + 1
         n = len(batches)
         self._found, self._gaps, self._shows = np.empty(n, np.int64), np.empty(n), np.zeros(n, bool)
-        self._last, self._last_position = np.zeros(n, bool), np.full(3, np.inf)
+        self._last = np.zeros(n, bool)
+        self.forget()
         self._gathered = np.empty(len(indices), np.uint32)
         self.in_view: npt.NDArray[np.int64] = self._found[:0]
         """Batches in the frustum of the view, ascending."""
 
     def __len__(self) -> int:
         return len(self._low)
+
+    def forget(self) -> None:
+        """Forget the view before."""
+        self._last[:], self._last_position = False, np.full(3, np.inf)
 
     def begin(
         self, T_clip_world: Matrix, position: npt.NDArray[np.float64], camera: PinholeCamera, near: float

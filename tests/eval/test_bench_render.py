@@ -82,7 +82,7 @@ def test_what_differs_is_counted_and_edges_are_left_out() -> None:
         (Render(faces=()), "no faces"),
         (Render(faces=(5,), backends=("raycast",)), "expected 10000 faces"),
         (Render(lp_threads=-1), "rasteriser threads"),
-        (Render(backends=("vulkan",)), "opengl occlusion egl"),
+        (Render(backends=("vulkan",)), "opengl prepared egl"),
     ],
 )
 def test_settings_that_cannot_be_measured_with_are_refused(settings: Render, message: str) -> None:

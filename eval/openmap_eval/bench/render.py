@@ -28,7 +28,7 @@ class Render:
     rounds: int = 5
     """Turns of each renderer; the median counts."""
     backends: tuple[str, ...] = ()
-    """Only these, such as "opengl occlusion egl"; empty = all that this machine has."""
+    """Only these, such as "opengl prepared egl"; empty = all that this machine has."""
     textures: int = 40
     """Of the home, 512 to 1024 px."""
     seed: int = 0

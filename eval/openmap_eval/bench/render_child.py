@@ -1,8 +1,8 @@
 """One renderer in a process of its own: ``python -m openmap_eval.bench.render_child CONTENDER FOLDER...``.
 
 FOLDER is where ``save_scene`` wrote the home; the leak test gives two. Reads one JSON request a line and answers each with one
-JSON line: ``open`` (width, height), ``time`` (poses: a .npy file), ``show`` (poses, to: an .npz file), ``grow`` (frames or
-switches), ``close``. An answer with ``error`` is the last one. What libraries print goes to the error stream.
+JSON line: ``open`` (width, height, places: a .npy file), ``time`` (poses: a .npy file), ``show`` (poses, to: an .npz file),
+``grow`` (frames or switches), ``close``. An answer with ``error`` is the last one. What libraries print goes to the error stream.
 """
 
 from __future__ import annotations
@@ -45,8 +45,21 @@ class _OwnEye:
     def __init__(self, scene: Scene, camera: PinholeCamera, backend: str, settings: dict[str, Any]) -> None:
         from openmap_env.rendering import make_renderer
 
-        self._renderer = make_renderer(backend, scene, camera, **settings)
+        self._renderer: Any = make_renderer(backend, scene, camera, **settings)
+        self._places: npt.NDArray[np.float64] | None = None
         self.close = self._renderer.close
+
+    def learn(self, places: npt.NDArray[np.float64]) -> None:
+        """Find out ahead what shows from places (n, 3) m."""
+        self._places = places
+        self._renderer.learn(places)
+
+    def forget(self) -> None:
+        """Forget what showed so far: every round is the first of its walk. What was found out ahead stays."""
+        if hasattr(self._renderer, "forget"):
+            self._renderer.forget()
+            if self._places is not None:
+                self._renderer.learn(self._places)
 
     def show(self, T_world_camera: npt.NDArray[np.float64]) -> tuple[npt.NDArray[Any] | None, ...]:
         frame = self._renderer.render(T_world_camera)
@@ -85,7 +98,10 @@ class _Child:
         began = time.perf_counter()
         self._eye = open_eye(self._name, self._scenes[0], self._camera)
         self._eye.show(np.load(request["poses"])[0])
-        return {"seconds": time.perf_counter() - began}
+        seconds, began = time.perf_counter() - began, time.perf_counter()
+        if isinstance(self._eye, _OwnEye) and CONTENDERS[self._name].learns:
+            self._eye.learn(np.load(request["places"]))
+        return {"seconds": seconds, "learn_seconds": time.perf_counter() - began}
 
     def _time(self, request: Request) -> dict[str, Any]:
         """Wall and CPU seconds for all poses, one after the other; resident memory after them, MiB."""
@@ -93,6 +109,8 @@ class _Child:
         poses = np.load(request["poses"])
         for T in poses[:_WARM_UP]:
             self._eye.show(T)
+        if isinstance(self._eye, _OwnEye):
+            self._eye.forget()
         wall, cpu = time.perf_counter(), time.process_time()
         for T in poses:
             self._eye.show(T)

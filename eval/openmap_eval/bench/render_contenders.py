@@ -30,6 +30,8 @@ class Contender:
         What has to be importable; "" = nothing beyond this package's own dependencies.
     peer : bool
         Whether it is someone else's.
+    learns : bool
+        Whether it is told before the first round from where it will look, as ``openmap scenes prepare`` does.
     """
 
     backend: str
@@ -38,18 +40,18 @@ class Contender:
     baseline: str = BASELINES[0]
     module: str = ""
     peer: bool = False
+    learns: bool = False
 
 
 def _contenders() -> dict[str, Contender]:
     found = {}
     for baseline, platform in zip(BASELINES, ("egl", "osmesa"), strict=True):
-        for culling in ("occlusion", "frustum"):
-            settings: dict[str, Any] = {"culling": culling, "platform": platform}
-            if culling == "frustum":
-                settings["faces_per_batch"] = (
-                    2048  # of large pieces, as one would cut a home that nothing else is known of
-                )
-            found[f"opengl {culling} {platform}"] = Contender("opengl", settings, baseline=baseline)
+        hiding: dict[str, Any] = {"culling": "occlusion", "platform": platform}
+        # Large pieces, as one would cut a home that nothing else is known of.
+        plain: dict[str, Any] = {"culling": "frustum", "platform": platform, "faces_per_batch": 2048}
+        found[f"opengl prepared {platform}"] = Contender("opengl", hiding, baseline=baseline, learns=True)
+        found[f"opengl {platform}"] = Contender("opengl", hiding, baseline=baseline)
+        found[f"opengl frustum {platform}"] = Contender("opengl", plain, baseline=baseline)
         found[f"pyrender {platform}"] = Contender("pyrender", {"platform": platform}, baseline=baseline)
     found[REFERENCE] = Contender("raycast")
     # Not on OSMesa: it would compile, and never free, a program for every draw there.

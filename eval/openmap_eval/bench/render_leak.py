@@ -38,8 +38,9 @@ def measure(settings: Render, console: Console, frames: int = FRAMES, switches: 
             save_scene(scene, home)
         poses = scattered(NavigableSurface.from_scene(scene), 100, np.random.default_rng(settings.seed))
         np.save(scratch / "poses.npy", poses)
+        np.save(scratch / "places.npy", poses[:, :3, 3])
         width, height = picture_size(settings.sizes[0])
-        common = {"poses": str(scratch / "poses.npy")}
+        common = {"poses": str(scratch / "poses.npy"), "places": str(scratch / "places.npy")}
         for name in progress.track(names, description="looking for leaks"):
             try:
                 with ContenderProcess(name, homes, scratch, settings.lp_threads, 1800.0) as process:

@@ -18,7 +18,7 @@ from openmap_env.navigation import NavigableSurface
 from openmap_eval.bench.render import Render, as_settings, picture_size
 from openmap_eval.bench.render_contenders import CONTENDERS, REFERENCE
 from openmap_eval.bench.render_home import make_render_home
-from openmap_eval.bench.render_poses import scattered, walk
+from openmap_eval.bench.render_poses import CAMERA_HEIGHT, scattered, walk
 from openmap_eval.bench.render_process import ContenderError, ContenderProcess, chosen_contenders
 from openmap_scenes.store import save_scene
 
@@ -62,6 +62,8 @@ def _make_home(settings: Render, faces: int, scratch: Path) -> int:
         "walk": walk(scene, surface, settings.frames, rng),
         "scattered": scattered(surface, settings.frames, rng),
     }
+    places = surface.centres[surface.island == 0] + np.array([0.0, CAMERA_HEIGHT, 0.0])
+    np.save(scratch / "places.npy", places)
     for name, T_world_camera in poses.items():
         np.save(scratch / f"{name}.npy", T_world_camera)
     np.save(
@@ -85,8 +87,9 @@ def _measure_size(
             return {}
 
     width, height = picture_size(size)
-    opening = {"width": width, "height": height, "poses": str(scratch / "walk.npy")}
-    setup = {name: ask(name, "open", **opening).get("seconds") for name in list(running)}
+    files = {"poses": str(scratch / "walk.npy"), "places": str(scratch / "places.npy")}
+    opening = {"width": width, "height": height, **files}
+    opened = {name: ask(name, "open", **opening) for name in list(running)}
     rounds: Rounds = {}
     for _ in range(settings.rounds):
         for kind in WALKS:
@@ -104,7 +107,8 @@ def _measure_size(
             ask(name, "close")
             memory = max(r["rss_mib"] for kind in WALKS for r in rounds[name, kind])
             rows[name] = {
-                "setup_s": setup[name],
+                "setup_s": opened[name]["seconds"],
+                "learn_s": opened[name]["learn_seconds"],
                 "setup_again_s": again["seconds"],
                 "rss_mib": memory,
                 **{kind: _speed(name, kind, rounds) for kind in WALKS},

@@ -23,7 +23,8 @@ def show(result: dict[str, Any], console: Console) -> None:
     if result.get("results"):
         console.print(
             "RGB + depth + ids; ms and CPU ms a frame; x: times the plain one-pass renderer (opengl frustum) of the same "
-            "platform, in the same rounds; depth and colour (mean levels) away from edges",
+            "platform, in the same rounds; prepared: what shows from where was found out ahead, as openmap scenes prepare does; "
+            "else every round is a first visit; depth and colour (mean levels) away from edges",
             highlight=False,
         )
     for name, reason in result["missing"].items():
@@ -56,14 +57,15 @@ def _speed(title: str, rows: dict[str, dict[str, Any]]) -> Table:
 
 def _rest(title: str, rows: dict[str, dict[str, Any]]) -> Table:
     table = _table(
-        f"{title}: set-up first and again, memory; against raycast",
-        *("", "first s", "again s", "RSS MiB", "ids % off", "depth mm", "max mm", "colour"),
+        f"{title}: set-up first and again, looking ahead, memory; against raycast",
+        *("", "first s", "again s", "ahead s", "RSS MiB", "ids % off", "depth mm", "max mm", "colour"),
     )
     for name, row in rows.items():
         a = row["agreement"] or {}
         table.add_row(
             name,
-            *(_number(row["setup_s"]), _number(row["setup_again_s"]), _number(row["rss_mib"], 0)),
+            *(_number(row["setup_s"]), _number(row["setup_again_s"])),
+            *(_number(row["learn_s"]) if CONTENDERS[name].learns else "", _number(row["rss_mib"], 0)),
             *(_number(a.get("ids_differ_percent"), 4), _number(a.get("depth_mean_mm"), 4)),
             *(_number(a.get("depth_max_mm"), 2), _number(a.get("rgb_mean"))),
         )
