@@ -27,7 +27,11 @@ Platform = str
 """``auto``, ``egl``, ``egl:N`` (the N-th device that EGL counts, for machines with several GPUs) or ``osmesa``."""
 PLATFORM_VARIABLE = "OPENMAP_GL"
 """Environment variable that chooses the platform where the caller left it open."""
+MESA_THREADS = "LP_NUM_THREADS"
+"""Environment variable with the number of threads that Mesa's software rasteriser draws with; 0 = the caller's own."""
 _announced: set[str] = set()
+_threads_started = _threads_lost = False
+"""Whether a context of this process may have started the threads that Mesa draws with; whether it is a fork, without them."""
 
 # From GL/osmesa.h.
 _OSMESA_FORMAT, _OSMESA_RGBA = 0x22, 0x1908
@@ -87,6 +91,7 @@ class OSMesaContext:
         return self._library.OSMesaGetProcAddress(name.encode()) or 0
 
     def __enter__(self) -> OSMesaContext:
+        check_not_forked()
         if not self._library.OSMesaMakeCurrent(self.address, self._pixels, _GL_UNSIGNED_BYTE, *self._size):
             raise RuntimeError("OSMesa did not make its context current")
         return self
@@ -128,6 +133,7 @@ class EGLContext:
         return int(self._context.load_opengl_function(name))
 
     def __enter__(self) -> EGLContext:
+        check_not_forked()
         self._context.__enter__()
         return self
 
@@ -176,9 +182,14 @@ class GLContext:
             yield self.gl
 
     def close(self) -> None:
-        """Free everything that was made in the context, then the context itself; again is harmless."""
+        """Free everything that was made in the context, then the context itself; again is harmless.
+
+        In a fork there is nothing to free: what was made is that of the process it comes from.
+        """
         if self._open:
             self._open = False
+            if _threads_lost:
+                return
             with self.gl:
                 self.gl.gc()
             self.gl.release()
@@ -201,8 +212,34 @@ def wanted_platforms(platform: Platform) -> tuple[str, ...]:
     return ("egl", "osmesa") if chosen == "auto" else (chosen,)
 
 
+def check_not_forked() -> None:
+    """Raise RendererUnavailableError where drawing would wait for ever, for threads that did not come along through a fork."""
+    if _threads_lost:
+        raise RendererUnavailableError(
+            "OpenGL: found a process that was forked from one that had drawn already, expected one of its own: the threads that "
+            "draw are not in a fork. Start it with the method 'spawn' or 'forkserver' (AsyncVectorEnv's context), take "
+            f"gym.make_vec without a vectorization_mode, or set {MESA_THREADS}=0 before the first picture."
+        )
+
+
+def lost_by_fork() -> bool:
+    """Whether this process is a fork in which nothing can be drawn, nor anything be given back."""
+    return _threads_lost
+
+
+def _after_fork() -> None:
+    global _threads_lost
+    _threads_lost = _threads_started
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_after_fork)
+
+
 def bare_context(platform: str) -> EGLContext | OSMesaContext:
     """A new context of a platform that ``wanted_platforms`` named, not current; it raises whatever its library raises."""
+    global _threads_started
+    _threads_started |= os.environ.get(MESA_THREADS) != "0"
     kind, _, device = platform.partition(":")
     return OSMesaContext() if kind == "osmesa" else EGLContext(int(device) if device else None)
 
@@ -229,6 +266,7 @@ def open_context(platform: Platform = "auto") -> GLContext:
     ValueError
         The platform has no such name.
     """
+    check_not_forked()
     failures = []
     for name in wanted_platforms(platform):
         try:

@@ -29,6 +29,8 @@ from openmap_env.rendering.context import (
     Platform,
     announce,
     bare_context,
+    check_not_forked,
+    lost_by_fork,
     osmesa_library,
     unavailable,
     wanted_platforms,
@@ -132,6 +134,7 @@ class PyrenderRenderer:
 
 def _open(platform: Platform) -> tuple[str, EGLContext | OSMesaContext, _Library]:
     """The first platform that is wanted and works, a context of it, and pyrender loaded for it."""
+    check_not_forked()
     wanted = wanted_platforms(platform)
     loaded = _loaded_for()
     if platform == "auto" and loaded:
@@ -162,6 +165,8 @@ def _loaded_for() -> str:
 
 
 def _close(context: EGLContext | OSMesaContext, library: _Library, drawing: Any = None) -> None:
+    if lost_by_fork():
+        return
     address = context.address
     if drawing is not None:
         with context:

@@ -134,3 +134,53 @@ def test_pyrender_runs_on_either_platform_beside_the_others(platform: str) -> No
         env={k: v for k, v in os.environ.items() if k not in ("PYOPENGL_PLATFORM", "OPENMAP_GL")},
     )  # fmt: skip
     assert done.stdout.strip() == "done", done.stderr
+
+
+FORK = """
+    import os, signal
+    import conftest
+    from openmap_env.simulator import Simulator
+    from openmap_scenes import PinholeCamera
+    scene, camera = conftest.make_toy_scene(), PinholeCamera(32, 24, 20.0, 20.0, 15.5, 11.5)
+    def look(name):
+        simulator = Simulator(scene, camera, renderer=name)
+        simulator.reset((-4.0, 0.0, 0.0), 0.0)
+        assert simulator.observe().rgb.std() > 5.0
+        return simulator
+    before = look({name!r})
+    child = os.fork()
+    if not child:
+        signal.alarm(30)
+        before.step(2)
+        for see in (before.observe, lambda: look({name!r})):
+            try:
+                see()
+            except RuntimeError as error:
+                print(error, flush=True)
+        before.close()
+        look("auto").close()
+        print("closed", flush=True)
+        os._exit(0)
+    print(os.waitpid(child, 0)[1], flush=True)
+    before.step(2)
+    before.observe()
+"""
+
+
+@needs_osmesa
+@pytest.mark.parametrize("name", ["opengl", "pyrender"])
+def test_a_fork_of_a_process_that_has_drawn_says_so_instead_of_waiting_for_ever(name: str) -> None:
+    def said(threads: str) -> list[str]:
+        path = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
+        code = textwrap.dedent(FORK.format(name=name))
+        environment = {**os.environ, "PYTHONPATH": path, "LP_NUM_THREADS": threads}
+        run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=90, env=environment)
+        assert run.returncode == 0, run.stderr
+        return run.stdout.splitlines()
+
+    inherited, made, *rest = said("2")
+    assert inherited == made
+    assert "forked from one that had drawn already" in made
+    assert "'spawn'" in made
+    assert rest == ["closed", "0"]
+    assert said("0") == ["closed", "0"], "without threads there is nothing to lose"
