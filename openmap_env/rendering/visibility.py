@@ -27,7 +27,7 @@ CELL = 0.5
 """Places closer than this, m, share a remembered set."""
 _SHELLS = np.square([*np.arange(0.25, 4.0, 0.25), 4.5, 5.0, 6.0, 8.0])
 """Squares of the distances, m, at which what is drawn front to back may begin with the first group anew."""
-WIDER = 0.15
+WIDER = 0.05
 """Boxes grown by this, m, stand for what other places of a cell see of them."""
 
 
@@ -152,7 +152,7 @@ class Occlusion:
         self._n_groups = int(batches.group.max(initial=0)) + 1
         n = len(batches)
         self._found, self._gaps, self._shows = np.empty(n, np.int64), np.empty(n), np.zeros(n, bool)
-        self._last = np.zeros(n, bool)
+        self._last, self._last_in_view = np.zeros(n, bool), np.zeros(n, bool)
         self.forget()
         self._gathered = np.empty(len(indices), np.uint32)
         self.in_view: npt.NDArray[np.int64] = self._found[:0]
@@ -163,7 +163,7 @@ class Occlusion:
 
     def forget(self) -> None:
         """Forget the view before."""
-        self._last[:], self._last_position = False, np.full(3, np.inf)
+        self._last_position = np.full(3, np.inf)
 
     def begin(
         self, T_clip_world: Matrix, position: npt.NDArray[np.float64], camera: PinholeCamera, near: float
@@ -175,13 +175,12 @@ class Occlusion:
         self.in_view = self._found[: in_frustum(self._low, self._high, self._T_clip_world, self._found)].copy()
 
     def guess(self, expected: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
-        """The batches in view, ascending, that are expected (B,) or showed in the view before.
-
-        All in view where that would be a guess out of nothing: at a new place, far from the one before.
+        """The batches in view, ascending, to begin with: what showed in the view before, if that was from near by, and of what was
+        not in that view what is expected (B,). All, where both say nothing.
         """
-        if np.linalg.norm(self._position - self._last_position) > 2.0 * CELL and not expected.any():
-            return self.in_view
-        return self.in_view[(expected | self._last)[self.in_view]]
+        if np.linalg.norm(self._position - self._last_position) <= 2.0 * CELL:
+            return self.in_view[np.where(self._last_in_view, self._last, expected)[self.in_view]]
+        return self.in_view[expected[self.in_view]] if expected.any() else self.in_view
 
     def widened(self, by: float) -> Occlusion:
         """The same batches with boxes that reach farther by so many m on all sides."""
@@ -213,6 +212,8 @@ class Occlusion:
     def remember(self, shows: npt.NDArray[np.bool_]) -> None:
         """Note in a set (B,), and for the next guess, what the finished view did not hide."""
         self._last[:], self._last_position = False, self._position
+        self._last_in_view[:] = False
+        self._last_in_view[self.in_view] = True
         showing = self.in_view[self._shows[self.in_view]]
         self._last[showing] = shows[showing] = True
 
@@ -274,7 +275,7 @@ def cells_of(places: npt.NDArray[np.floating]) -> npt.NDArray[np.float64]:
     return np.asarray(middles, np.float64)
 
 
-def cube_camera(size: int = 64) -> PinholeCamera:
+def cube_camera(size: int = 128) -> PinholeCamera:
     """The camera of each of the six square views that together see everything around a place."""
     return PinholeCamera.from_hfov(size, size, 90.0)
 
