@@ -12,6 +12,8 @@ if ENV_ID not in gymnasium.registry:
         id=ENV_ID,
         entry_point="openmap_env.env:OpenMapNavEnv",
         vector_entry_point="openmap_env.vector:OpenMapNavVectorEnv",
+        # The checker is for those who write an environment. Once a reset has raised it never lets an episode begin again.
+        disable_env_checker=True,
     )
 
 __all__ = ["ENV_ID"]

@@ -12,16 +12,15 @@ from typing import Any
 import numpy as np
 
 from openmap_env.episodes import Episode
+from openmap_env.episodes.readers import same_scene
 from openmap_env.episodes.source import EpisodeSource
 from openmap_env.navigation import NavigableSurface
 from openmap_env.observations import check_instruction
 from openmap_env.prefetch import Home, Homes
 from openmap_env.rendering import prepare
-from openmap_env.settings import Settings, refuse, scene_specs
+from openmap_env.settings import Settings, Start, checked_episode, refuse, scene_specs, start_of
 from openmap_scenes import load_scene
 
-Start = tuple[tuple[float, float, float], float]
-"""World-frame position (3,) m and heading, radians."""
 OPTIONS = ("scene", "episode", "instruction", "start")
 
 
@@ -47,7 +46,9 @@ class Wishes:
         scene, episode, instruction, start = (options.get(name) for name in OPTIONS)
         if scene is not None:
             scene = _one_scene(scene)
-        if isinstance(episode, bool) or not isinstance(episode, Episode | str | int | np.integer | None):
+        if isinstance(episode, Episode):
+            checked_episode("option episode", episode)
+        elif isinstance(episode, bool) or not isinstance(episode, str | int | np.integer | None):
             refuse("option episode", episode, "an Episode, the id of one, or an index")
         if instruction is not None:
             check_instruction(instruction)
@@ -55,7 +56,7 @@ class Wishes:
             scene,
             int(episode) if isinstance(episode, np.integer) else episode,
             instruction,
-            None if start is None else _start(start),
+            None if start is None else start_of(start, "option start"),
         )
 
 
@@ -122,6 +123,8 @@ class EpisodeChoice:
 
     def _named(self, named: Episode | str | int, scene: str | None) -> Episode:
         if isinstance(named, Episode):
+            if scene is not None and not same_scene(named.scene, scene):
+                refuse("option scene", scene, f"that of the episode, {named.scene!r}; its targets are nowhere else")
             return named if scene is None else replace(named, scene=scene)
         passed = 0
         for spec in [scene] if scene else self._source.scenes:
@@ -167,16 +170,3 @@ def _one_scene(scene: Any) -> str:
     if len(specs) > 1:
         refuse("option scene", scene, f"one scene; these are {len(specs)}")
     return specs[0]
-
-
-def _start(value: Any) -> Start:
-    try:
-        position, heading = value
-        x, y, z, angle = (float(v) for v in (*position, heading))
-    except (TypeError, ValueError) as error:
-        raise ValueError(
-            f"option start is {value!r}, expected (position (3,) m, heading in radians), world frame"
-        ) from error
-    if not all(map(math.isfinite, (x, y, z, angle))):
-        refuse("option start", value, "finite numbers")
-    return (x, y, z), angle

@@ -244,7 +244,7 @@ class OpenMapNavEnv(gym.Env[Observation, int], EzPickle):
         """
         wishes = Wishes.of(options)
         super().reset(seed=seed)
-        self._over = True
+        self._over, self._episode, self._walk = True, None, None
         episode, home = self._choice.choose(wishes, self.np_random)
         simulator = self._enter(home)
         simulator.reset(episode.start_position, episode.start_heading)
@@ -329,7 +329,7 @@ class OpenMapNavEnv(gym.Env[Observation, int], EzPickle):
         if self._simulator is None or self._home is not home:
             if self._simulator is not None:
                 self._simulator.close()
-            self._simulator = self._picture = self._walk = None
+            self._simulator = self._picture = None
             self._simulator, self._home = self.settings.simulator(home.scene, home.surface), home
         return self._simulator
 

@@ -267,7 +267,7 @@ def score(walk: Walk, measures: Sequence[Measure] | None = None, extra: Sequence
     Raises
     ------
     ValueError
-        Two measures have one name.
+        Two measures have one name, or one gives no number.
     """
     chosen = (*(default_measures() if measures is None else measures), *extra)
     names = [m.name for m in chosen]
@@ -275,8 +275,15 @@ def score(walk: Walk, measures: Sequence[Measure] | None = None, extra: Sequence
         twice = sorted({name for name in names if names.count(name) > 1})
         raise ValueError(f"several measures are called {', '.join(twice)}, expected a name of its own for each")
     return {
-        m.name: m.value(walk)
+        m.name: _number(m, walk)
         for m in chosen
         if (walk.targets or not m.needs_targets)
         and (walk.surface is not None or not getattr(m, "needs_surface", False))
     }
+
+
+def _number(measure: Measure, walk: Walk) -> float:
+    value = measure.value(walk)
+    if not isinstance(value, int | float | np.number | np.bool_):
+        raise ValueError(f"the measure {measure.name} gave {str(value)[:80]!r}, expected a number")
+    return float(value)

@@ -85,16 +85,15 @@ class EpisodeFrame:
         }
 
 
-def check_instruction(instruction: Any) -> None:
+def check_instruction(instruction: Any, name: str = "instruction") -> None:
     """Raise ValueError, naming what is wrong, if a text cannot be an instruction."""
-    if not isinstance(instruction, str) or not 1 <= len(instruction) <= MAX_INSTRUCTION:
-        raise ValueError(
-            f"instruction is {str(instruction)[:80]!r}, expected a text of 1 to {MAX_INSTRUCTION} characters"
-        )
+    if not isinstance(instruction, str) or not 1 <= len(instruction) <= MAX_INSTRUCTION or instruction.isspace():
+        found = repr(instruction[:80] if isinstance(instruction, str) else instruction)
+        raise ValueError(f"{name} is {found}, expected a text of 1 to {MAX_INSTRUCTION} characters")
     strange = sorted(set(instruction) - set(CHARACTERS))
     if strange:
         raise ValueError(
-            f"instruction {instruction[:80]!r} has the characters {strange[:5]}, expected Latin, Greek or Cyrillic "
+            f"{name} {instruction[:80]!r} has the characters {strange[:5]}, expected Latin, Greek or Cyrillic "
             "letters, digits and punctuation on one line; replace them"
         )
 
@@ -102,7 +101,8 @@ def check_instruction(instruction: Any) -> None:
 def check_places(positions: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """Declared places as (k, 3) float64 m, k may be 0; ValueError, naming what is wrong, if they are not."""
     try:
-        places = np.asarray(positions, np.float32).astype(np.float64)
+        with np.errstate(over="ignore"):
+            places = np.asarray(positions, np.float32).astype(np.float64)
     except (TypeError, ValueError):
         places = np.full(1, np.nan)
     if places.size == 0:

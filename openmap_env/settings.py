@@ -14,16 +14,19 @@ from typing import Any, Literal, NoReturn, cast
 import numpy as np
 
 from openmap_env.episodes import KINDS, Episode, Kind
+from openmap_env.episodes.episode import Target
 from openmap_env.episodes.jsonl import episode_of
 from openmap_env.measures import Measure, default_measures
 from openmap_env.navigation import Body, NavigableSurface
-from openmap_env.observations import SENSORS, Sensor
+from openmap_env.observations import SENSORS, Sensor, check_instruction
 from openmap_env.rendering import AUTO, RENDERERS
 from openmap_env.rendering.settings import checked
 from openmap_env.simulator import Simulator
 from openmap_scenes import PinholeCamera, Scene
 from openmap_scenes.catalog import HOME_SPLITS, expand_specs
 
+Start = tuple[tuple[float, float, float], float]
+"""World-frame position (3,) m and heading, radians."""
 Protocol = Literal["retrieval", "navigation"]
 PROTOCOLS: tuple[Protocol, ...] = ("retrieval", "navigation")
 HOMES_OF_A_SPLIT = 10
@@ -79,7 +82,7 @@ class Settings:
         ValueError
             One of them cannot be used.
         """
-        if protocol not in PROTOCOLS:
+        if not isinstance(protocol, str) or protocol not in PROTOCOLS:
             refuse("protocol", protocol, f"one of {', '.join(PROTOCOLS)}")
         if not isinstance(prefetch, bool | np.bool_):
             refuse("prefetch", prefetch, "True or False")
@@ -88,19 +91,19 @@ class Settings:
             episodes=_episodes(episodes),
             sensors=cast(tuple[Sensor, ...], _names("sensors", sensors, SENSORS)),
             camera=_camera(width, height, hfov_deg),
-            camera_height=_number("camera_height", camera_height, 0.0, HIGHEST_CAMERA, "m"),
+            camera_height=number("camera_height", camera_height, 0.0, HIGHEST_CAMERA, "m"),
             body=_body(body),
-            forward_step=_number("forward_step", forward_step, 0.0, LONGEST_STEP, "m"),
-            turn_deg=_number("turn_deg", turn_deg, 0.0, 180.0, "degrees"),
-            look_deg=_number("look_deg", look_deg, 0.0, 180.0, "degrees"),
-            max_steps=_integer("max_steps", max_steps, 1, LARGEST_SEED),
+            forward_step=number("forward_step", forward_step, 0.0, LONGEST_STEP, "m"),
+            turn_deg=number("turn_deg", turn_deg, 0.0, 180.0, "degrees"),
+            look_deg=number("look_deg", look_deg, 0.0, 180.0, "degrees"),
+            max_steps=integer("max_steps", max_steps, 1, LARGEST_SEED),
             renderer=_renderer(renderer),
             protocol=protocol,
             measures=_measures(measures),
             episodes_per_scene=None
             if episodes_per_scene is None
-            else _integer("episodes_per_scene", episodes_per_scene, 1, 100_000),
-            episode_seed=None if episode_seed is None else _integer("episode_seed", episode_seed, 0, LARGEST_SEED),
+            else integer("episodes_per_scene", episodes_per_scene, 1, 100_000),
+            episode_seed=None if episode_seed is None else integer("episode_seed", episode_seed, 0, LARGEST_SEED),
             kinds=cast(tuple[Kind, ...], _names("kinds", kinds, KINDS)),
             prefetch=bool(prefetch),
         )
@@ -150,15 +153,38 @@ def _episodes(episodes: Any) -> str | Path | list[Episode] | None:
     expected = "None, the path of episodes, or a list of at least one Episode (or its fields as a dict)"
     if isinstance(episodes, str | Mapping) or not isinstance(episodes, Sequence) or not episodes:
         refuse("episodes", episodes, expected)
-    return [_episode(f"episodes[{index}]", episode) for index, episode in enumerate(episodes)]
+    return [
+        episode_of(episode, name) if isinstance(episode, dict) else checked_episode(name, episode)
+        for name, episode in ((f"episodes[{index}]", episode) for index, episode in enumerate(episodes))
+    ]
 
 
-def _episode(name: str, episode: Any) -> Episode:
-    if isinstance(episode, Episode):
-        return episode
-    if not isinstance(episode, dict):
+def checked_episode(name: str, episode: Any) -> Episode:
+    """An Episode that can be run, as far as can be told without its scene; ValueError where it is none."""
+    if not isinstance(episode, Episode):
         refuse(name, episode, "an Episode, or its fields as a dict")
-    return episode_of(episode, name)
+    for part in ("episode_id", "scene"):
+        if not isinstance(getattr(episode, part), str) or not getattr(episode, part):
+            refuse(f"{part} of {name}", getattr(episode, part), "a text")
+    check_instruction(episode.instruction, f"instruction of {name}")
+    if episode.kind not in KINDS:
+        refuse(f"kind of {name}", episode.kind, f"one of {', '.join(KINDS)}")
+    start_of((episode.start_position, episode.start_heading), f"start of {name}")
+    if not isinstance(episode.targets, Sequence) or not all(isinstance(target, Target) for target in episode.targets):
+        refuse(f"targets of {name}", episode.targets, "a tuple of Target")
+    return episode
+
+
+def start_of(value: Any, name: str) -> Start:
+    """A world-frame position (3,) m and a heading in radians; ValueError where they are none."""
+    try:
+        position, heading = value
+        x, y, z, angle = (float(v) for v in (*position, heading))
+    except (TypeError, ValueError):
+        refuse(name, value, "(position (3,) m, heading in radians), world frame")
+    if not all(map(math.isfinite, (x, y, z, angle))):
+        refuse(name, value, "finite numbers")
+    return (x, y, z), angle
 
 
 def _names(name: str, values: Any, allowed: Sequence[str]) -> tuple[str, ...]:
@@ -172,26 +198,21 @@ def _names(name: str, values: Any, allowed: Sequence[str]) -> tuple[str, ...]:
 
 def _camera(width: Any, height: Any, hfov_deg: Any) -> PinholeCamera:
     return PinholeCamera.from_hfov(
-        _integer("width", width, 1, LARGEST_PICTURE),
-        _integer("height", height, 1, LARGEST_PICTURE),
-        _number("hfov_deg", hfov_deg, 0.0, 179.0, "degrees"),
+        integer("width", width, 1, LARGEST_PICTURE),
+        integer("height", height, 1, LARGEST_PICTURE),
+        number("hfov_deg", hfov_deg, 0.0, 179.0, "degrees"),
     )
 
 
-def _integer(name: str, value: Any, low: int, high: int) -> int:
+def integer(name: str, value: Any, low: int, high: int = LARGEST_SEED) -> int:
+    """An integer with ``low`` <= value <= ``high``; ValueError where it is none."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer) or not low <= value <= high:
-        refuse(
-            name, value, f"an integer from {low} to {high}" if high < LARGEST_SEED else f"an integer of at least {low}"
-        )
+        refuse(name, value, f"an integer from {low} to {high if high < LARGEST_SEED else '2**63 - 1'}")
     return int(value)
 
 
-def _maybe(name: str, value: Any, low: int, high: int) -> int | None:
-    return None if value is None else _integer(name, value, low, high)
-
-
-def _number(name: str, value: Any, above: float, most: float, unit: str) -> float:
-    """A finite number with ``above`` < value <= ``most``."""
+def number(name: str, value: Any, above: float, most: float, unit: str) -> float:
+    """A finite number with ``above`` < value <= ``most``; ValueError where it is none."""
     if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
         refuse(name, value, f"a number, {unit}")
     if not (math.isfinite(value) and above < value <= most):
@@ -205,7 +226,7 @@ def _body(body: Any) -> Body:
     names = [field.name for field in dataclasses.fields(Body)]
     if not isinstance(body, Mapping) or not set(body) <= set(names):
         refuse("body", body, f"None, a Body, or a dict with any of {', '.join(names)}, m")
-    return Body(**{name: _number(f"body's {name}", value, 0.0, LONGEST_STEP, "m") for name, value in body.items()})
+    return Body(**{name: number(f"body's {name}", value, 0.0, LONGEST_STEP, "m") for name, value in body.items()})
 
 
 def _renderer(renderer: Any) -> dict[str, Any]:

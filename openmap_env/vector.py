@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
 from itertools import pairwise
@@ -26,6 +26,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space, concatenate, create_empty_array, iterate
 
 from openmap_env import ENV_ID
+from openmap_env.settings import integer, refuse
 from openmap_env.vector_worker import WHOLE, Assignment, Layout, Outcome, Share, leaves
 
 Wrap = Callable[[gym.Env[Any, Any]], gym.Env[Any, Any]]
@@ -35,6 +36,8 @@ Bools = npt.NDArray[np.bool_]
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 """Environment variables that are 1 in a worker: its share of the machine is one core."""
+_MOST = 100_000
+"""Environments of one batch."""
 CLOSING = 5.0
 """Seconds that a worker has to end by itself."""
 _CHILD = """import json, sys
@@ -82,13 +85,11 @@ class OpenMapNavVectorEnv(VectorEnv[Batch, Any, npt.NDArray[Any]]):
         copy: bool = True,
         **settings: Any,
     ) -> None:
-        if num_envs < 1:
-            raise ValueError(f"num_envs is {num_envs}, expected at least 1")
-        if workers is not None and workers < 0:
-            raise ValueError(f"workers is {workers}, expected 0 or more")
-        self.num_envs, self.copy = num_envs, copy
-        self.workers = min(num_envs, _cores() if workers is None else workers)
-        self.autoreset_mode = AutoresetMode(autoreset_mode)
+        num_envs = self.num_envs = integer("num_envs", num_envs, 1, _MOST)
+        self.workers = min(num_envs, _cores() if workers is None else integer("workers", workers, 0, _MOST))
+        self.autoreset_mode, self.copy = _mode(autoreset_mode), copy
+        if not isinstance(env_wrappers, Sequence) or not all(map(callable, env_wrappers)):
+            refuse("env_wrappers", env_wrappers, "a list of callables, each of which wraps an environment")
         self._owner = os.getpid()
         self._pipes: list[Connection] = []
         self._processes: list[subprocess.Popen[bytes]] = []
@@ -128,6 +129,8 @@ class OpenMapNavVectorEnv(VectorEnv[Batch, Any, npt.NDArray[Any]]):
         Environment i gets ``seed + i``, or its own of a list; the other options go to every environment as they are.
         """
         seeds = self._seeds(seed)
+        if not isinstance(options, Mapping | None):
+            refuse("options", options, "None or a dict")
         rest = dict(options or {})
         chosen = self._mask(rest.pop("reset_mask", None))
         messages = [(seeds[s], rest if options is not None else None, chosen[s]) for s in self._slices]
@@ -140,9 +143,14 @@ class OpenMapNavVectorEnv(VectorEnv[Batch, Any, npt.NDArray[Any]]):
 
     def step(self, actions: Any) -> tuple[Batch, Floats, Bools, Bools, dict[str, Any]]:
         """Play one action in every environment."""
-        each = list(iterate(self.action_space, actions))
-        if len(each) != self.num_envs:
-            raise ValueError(f"got {len(each)} actions, expected one for each of {self.num_envs} environments")
+        try:
+            each = self._each("actions", list(iterate(self.action_space, actions)))
+        except TypeError:
+            refuse("actions", actions, f"a list with one for each of {self.num_envs} environments")
+        # All are looked at before one is played, so that a wrong one leaves the batch as it is.
+        for i, action in enumerate(each):
+            if not self.single_action_space.contains(action):
+                refuse(f"actions[{i}]", action, f"one of {self.single_action_space}")
         outcomes: list[Outcome] = [
             outcome for share in self._ask("step", [(each[s],) for s in self._slices]) for outcome in share
         ]
@@ -167,18 +175,17 @@ class OpenMapNavVectorEnv(VectorEnv[Batch, Any, npt.NDArray[Any]]):
 
     def call_on(self, indices: Sequence[int], name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
         """Call a method of the environments with these numbers; their results in that order."""
-        return self._call(list(indices), name, [args] * len(indices), kwargs)
+        if not isinstance(indices, Sequence | np.ndarray):
+            refuse("indices", indices, "a list of numbers of environments")
+        chosen = [integer(f"indices[{k}]", i, 0, self.num_envs - 1) for k, i in enumerate(indices)]
+        return self._call(chosen, name, [args] * len(chosen), kwargs)
 
     def declare(self, positions: Sequence[npt.ArrayLike | None]) -> None:
         """Declare places (k, 3) m in the episode frame, one array for each environment; None declares nothing there.
 
         An environment whose episode is over cannot be told anything: give it None.
         """
-        if len(positions) != self.num_envs:
-            raise ValueError(
-                f"got {len(positions)} declarations, expected one for each of {self.num_envs} environments"
-            )
-        told = {i: (p,) for i, p in enumerate(positions) if p is not None}
+        told = {i: (p,) for i, p in enumerate(self._each("declarations", positions)) if p is not None}
         self._call(list(told), "declare", list(told.values()), {})
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
@@ -187,9 +194,7 @@ class OpenMapNavVectorEnv(VectorEnv[Batch, Any, npt.NDArray[Any]]):
 
     def set_attr(self, name: str, values: Any) -> None:
         """Set an attribute of every environment: a list or tuple has a value for each, anything else is for all."""
-        each = list(values) if isinstance(values, list | tuple) else [values] * self.num_envs
-        if len(each) != self.num_envs:
-            raise ValueError(f"got {len(each)} values of {name}, expected one for each of {self.num_envs} environments")
+        each = self._each(f"values of {name}", values) if isinstance(values, list | tuple) else [values] * self.num_envs
         self._ask("set_attr", [(name, each[s]) for s in self._slices])
 
     @property
@@ -302,8 +307,6 @@ class OpenMapNavVectorEnv(VectorEnv[Batch, Any, npt.NDArray[Any]]):
     # What goes in and out
 
     def _call(self, chosen: list[int], name: str, args: list[Any], kwargs: dict[str, Any]) -> tuple[Any, ...]:
-        if any(not 0 <= i < self.num_envs for i in chosen):
-            raise ValueError(f"environments {chosen} asked for, expected numbers from 0 to {self.num_envs - 1}")
         where = [[k for k, i in enumerate(chosen) if s.start <= i < s.stop] for s in self._slices]
         messages = [(name, [chosen[k] for k in ks], [args[k] for k in ks], kwargs) for ks in where]
         results: list[Any] = [None] * len(chosen)
@@ -332,11 +335,19 @@ class OpenMapNavVectorEnv(VectorEnv[Batch, Any, npt.NDArray[Any]]):
     def _seeds(self, seed: int | Sequence[int | None] | None) -> list[int | None]:
         if seed is None:
             return [None] * self.num_envs
-        if isinstance(seed, int | np.integer):
-            return [int(seed) + i for i in range(self.num_envs)]
-        if len(seed) != self.num_envs:
-            raise ValueError(f"got {len(seed)} seeds, expected one for each of {self.num_envs} environments")
-        return list(seed)
+        if isinstance(seed, Sequence | np.ndarray):
+            each = self._each("seeds", seed)
+            return [None if own is None else integer(f"seed[{i}]", own, 0) for i, own in enumerate(each)]
+        first = integer("seed", seed, 0)
+        return [first + i for i in range(self.num_envs)]
+
+    def _each(self, name: str, values: Any) -> list[Any]:
+        """A value for each environment; ValueError where there are more or fewer, or no list at all."""
+        if isinstance(values, str) or not isinstance(values, Sequence | np.ndarray):
+            refuse(name, values, f"a list with one for each of {self.num_envs} environments")
+        if len(values) != self.num_envs:
+            raise ValueError(f"got {len(values)} {name}, expected one for each of {self.num_envs} environments")
+        return list(values)
 
     def _mask(self, mask: Any) -> list[bool]:
         if mask is None:
@@ -349,6 +360,13 @@ class OpenMapNavVectorEnv(VectorEnv[Batch, Any, npt.NDArray[Any]]):
         ):
             raise ValueError(f"options['reset_mask'] is {mask!r}, expected ({self.num_envs},) bool, one at least True")
         return [bool(m) for m in mask]
+
+
+def _mode(mode: Any) -> AutoresetMode:
+    try:
+        return AutoresetMode(mode)
+    except ValueError:
+        refuse("autoreset_mode", mode, f"one of {', '.join(mode.value for mode in AutoresetMode)}")
 
 
 def _make(settings: dict[str, Any], wrappers: Sequence[Wrap]) -> gym.Env[Any, Any]:

@@ -21,12 +21,16 @@ from gymnasium import spaces
 from gymnasium.utils import RecordConstructorArgs
 
 from openmap_env.embedding import EMBEDDINGS, Embedding
+from openmap_env.observations import FARTHEST
 from openmap_env.occupancy import FREE, OCCUPIED, Occupancy
+from openmap_env.settings import integer, number, refuse
 from openmap_scenes import PinholeCamera
 
 Observation = dict[str, Any]
 Env = gym.Env[Observation, int]
 _LARGEST = float(np.finfo(np.float32).max)
+_LARGEST_MAP, _FINEST, _COARSEST = 2048, 0.009, 1.0
+"""Pixels a side, and metres a pixel, of a map: a hundred square metres in pixels of 1 cm are a million."""
 
 
 class EmbedInstruction(gym.ObservationWrapper[Observation, int, Observation], RecordConstructorArgs):
@@ -53,14 +57,16 @@ class EmbedInstruction(gym.ObservationWrapper[Observation, int, Observation], Re
         # A callable may hold a model: it is kept as it is.
         RecordConstructorArgs.__init__(self, _disable_deepcopy=True, embed=embed, key=key)
         gym.ObservationWrapper.__init__(self, env)
-        inner = _parts(env, "instruction")
-        if isinstance(embed, str) and embed not in EMBEDDINGS:
-            raise ValueError(f"embed is {embed!r}, expected a callable or one of {', '.join(EMBEDDINGS)}")
-        self._embed, self._key = EMBEDDINGS[embed] if isinstance(embed, str) else embed, key
+        kept = {name: space for name, space in _parts(env, "instruction").items() if name != "instruction"}
+        chosen = EMBEDDINGS.get(embed) if isinstance(embed, str) else embed
+        if not callable(chosen):
+            refuse("embed", embed, f"a callable or one of {', '.join(EMBEDDINGS)}")
+        if not isinstance(key, str) or not key or key in kept:
+            refuse("key", key, f"a name that the observation does not have yet; it has {', '.join(kept)}")
+        self._embed, self._key = chosen, key
         self._last: tuple[str, npt.NDArray[np.float32]] | None = None
         self._size: int | None = None
         self._size = len(self._vector("find the chair"))
-        kept = {name: space for name, space in inner.items() if name != "instruction"}
         self.observation_space = spaces.Dict({**kept, key: spaces.Box(-_LARGEST, _LARGEST, (self._size,), np.float32)})
 
     def observation(self, observation: Observation) -> Observation:
@@ -70,15 +76,19 @@ class EmbedInstruction(gym.ObservationWrapper[Observation, int, Observation], Re
 
     def _vector(self, text: str) -> npt.NDArray[np.float32]:
         if self._last is None or self._last[0] != text:
-            vector = np.asarray(self._embed(text), np.float32)
-            expected = (self._size,) if self._size is not None else vector.shape
-            if vector.ndim != 1 or len(vector) == 0 or vector.shape != expected or not np.isfinite(vector).all():
-                size = "D" if self._size is None else self._size
-                raise ValueError(
-                    f"embed({text[:60]!r}) has shape {vector.shape}, expected finite numbers of shape ({size},)"
-                )
-            self._last = (text, vector)
+            self._last = (text, self._checked(text, self._embed(text)))
         return self._last[1]
+
+    def _checked(self, text: str, found: Any) -> npt.NDArray[np.float32]:
+        try:
+            vector = np.asarray(found, np.float32)
+        except (TypeError, ValueError):
+            vector = np.empty(0, np.float32)
+        expected = (self._size,) if self._size is not None else vector.shape
+        if vector.ndim != 1 or len(vector) == 0 or vector.shape != expected or not np.isfinite(vector).all():
+            size = "D" if self._size is None else self._size
+            refuse(f"embed({text[:60]!r})", found, f"finite numbers of shape ({size},)")
+        return vector
 
 
 class NormalizeDepth(gym.ObservationWrapper[Observation, int, Observation], RecordConstructorArgs):
@@ -96,11 +106,10 @@ class NormalizeDepth(gym.ObservationWrapper[Observation, int, Observation], Reco
         RecordConstructorArgs.__init__(self, min_depth=min_depth, max_depth=max_depth)
         gym.ObservationWrapper.__init__(self, env)
         self.observation_space = _with_unit_depth(env)
-        if not 0.0 <= min_depth < max_depth < np.inf:
-            raise ValueError(
-                f"min_depth is {min_depth} and max_depth {max_depth} m, expected 0 <= min_depth < max_depth"
-            )
-        self._min, self._max = min_depth, max_depth
+        self._max = number("max_depth", max_depth, 0.0, FARTHEST, "m")
+        if min_depth != 0.0:
+            number("min_depth", min_depth, 0.0, np.nextafter(self._max, 0.0), "m")
+        self._min = float(min_depth)
 
     def observation(self, observation: Observation) -> Observation:
         """The observation with scaled depth."""
@@ -163,8 +172,8 @@ class TopDownOccupancy(gym.ObservationWrapper[Observation, int, Observation], Re
         RecordConstructorArgs.__init__(self, size=size, resolution=resolution)
         gym.ObservationWrapper.__init__(self, env)
         inner = _parts(env, "depth", "T_episode_camera")
-        if size < 1 or not 0.0 < resolution < np.inf:
-            raise ValueError(f"size is {size} and resolution {resolution} m, expected more than 0")
+        integer("size", size, 1, _LARGEST_MAP)
+        number("resolution", resolution, _FINEST, _COARSEST, "m")
         camera: PinholeCamera = env.get_wrapper_attr("camera")
         if inner["depth"].shape != (camera.height, camera.width, 1) or np.max(inner["depth"].high) <= 1.0:  # type: ignore[attr-defined]
             raise ValueError(

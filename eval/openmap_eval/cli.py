@@ -33,7 +33,7 @@ class Eval:
     """How many for each scene: the benchmark's, evenly over their kinds, or generated where a scene has none of those.
     Or a file or folder of episodes (R2R-CE, ObjectNav, VLMaps, own JSONL)."""
     agent: str = "openmap"
-    """openmap, random, stand_still or oracle."""
+    """openmap, random, stand_still, oracle, or ppo:<policy.safetensors> for what openmap_agents.training learned."""
     perception: str = "embedded"
     """embedded (from pixels) or oracle (the renderer's ids and names; for analysis only)."""
     llm: str = "builtin"

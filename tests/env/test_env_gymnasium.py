@@ -9,6 +9,7 @@ import signal
 import subprocess
 import sys
 import warnings
+from dataclasses import replace
 from pathlib import Path
 
 import gymnasium as gym
@@ -263,19 +264,20 @@ RUN = """if True:
 
 @pytest.mark.parametrize("protocol", ["retrieval", "navigation"])
 def test_two_processes_see_the_same_bytes_over_500_steps(protocol):
-    told = []
-    for hash_seed, prefetch in (("1", "True"), ("2", "False")):
-        path = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
-        run = subprocess.run(
+    path = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
+    runs = [
+        subprocess.Popen(
             [sys.executable, "-c", RUN, protocol, prefetch],
-            capture_output=True,
+            stdout=subprocess.PIPE,
             text=True,
-            timeout=120,
             env={**os.environ, "PYTHONHASHSEED": hash_seed, "PYTHONPATH": path},
         )
-        assert run.returncode == 0, run.stderr
-        told.append(run.stdout)
+        for hash_seed, prefetch in (("1", "True"), ("2", "False"))
+    ]
+    told = [run.communicate(timeout=120)[0] for run in runs]
+    assert [run.returncode for run in runs] == [0, 0]
     assert told[0] == told[1]
+    assert told[0]
 
 
 def test_a_killed_environment_leaves_nothing_that_bars_the_next(tmp_path, shared_scenes):
@@ -300,3 +302,28 @@ def test_a_killed_environment_leaves_nothing_that_bars_the_next(tmp_path, shared
     late.stdout.close()
     run = subprocess.run([*command, "0"], capture_output=True, text=True, env=environment, timeout=120)
     assert (run.returncode, run.stdout.strip()) == (0, "up"), run.stderr
+
+
+def test_after_a_reset_that_failed_the_next_one_begins_an_episode(make, toy_specs):
+    env = make(protocol="navigation")
+    for options in ({"scene": "nowhere:1"}, {"start": ((90.0, 0.0, 0.0), 0.0)}):
+        with pytest.raises(ValueError, match="expected"):
+            env.reset(options=options)
+        with pytest.raises(RuntimeError, match=r"reset\(\)"):
+            env.unwrapped.episode  # noqa: B018 - not even half of one
+    env.reset(seed=0)
+    env.step(1)
+    told = env.unwrapped.episode
+    with pytest.raises(ValueError, match=r"option scene is .*expected that of the episode"):
+        env.reset(options={"episode": told, "scene": toy_specs[1]})
+    for wrong, said in (
+        ({"kind": "quiz"}, "kind of option episode is 'quiz', expected one of"),
+        ({"start_position": (0.0, np.nan, 0.0)}, "start of option episode is .*finite"),
+        ({"instruction": "  "}, "instruction of option episode is '  '"),
+        ({"targets": (3,)}, "targets of option episode is"),
+    ):
+        episode = replace(told, **wrong)
+        with pytest.raises(ValueError, match=said):
+            env.reset(options={"episode": episode})
+        with pytest.raises(ValueError, match=said.replace("option episode", r"episodes\[0\]")):
+            make(scene=None, episodes=[episode], episodes_per_scene=None)

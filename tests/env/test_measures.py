@@ -206,3 +206,16 @@ def test_wall_time_is_measured_only_where_asked_for():
 def test_two_measures_of_one_name_are_refused():
     with pytest.raises(ValueError, match="called steps, expected a name of its own"):
         score(walk_of([]), extra=[Steps()])
+
+
+def test_a_measure_that_gives_no_number_is_named():
+    @dataclass(frozen=True)
+    class Places:
+        name = "places"
+        needs_targets = False
+
+        def value(self, walk):
+            return np.zeros(3)
+
+    with pytest.raises(ValueError, match=r"the measure places gave .*expected a number"):
+        score(Walk((), None, [np.zeros(3)]), [Places()])

@@ -201,17 +201,36 @@ def test_instructions_come_through_the_shared_memory_of_gymnasiums_processes(set
 
 
 def test_arguments_that_make_no_sense_are_refused_before_anything_is_started(settings):
-    for wrong in ({"num_envs": 0}, {"workers": -1}, {"autoreset_mode": "never"}, {"max_steps": 0}):
-        with pytest.raises(ValueError, match=r"expected|valid"):
-            OpenMapNavVectorEnv(**{"num_envs": 2, **settings, **wrong})
+    for name, wrong in (
+        *(("num_envs", wrong) for wrong in (0, "2", 2.0, True, None)),
+        *(("workers", wrong) for wrong in (-1, "1", 1.5)),
+        *(("autoreset_mode", wrong) for wrong in ("never", None)),
+        *(("env_wrappers", wrong) for wrong in (3, [3])),
+        ("max_steps", 0),
+    ):
+        with pytest.raises(ValueError, match=f"{name} is .*expected"):
+            OpenMapNavVectorEnv(**{"num_envs": 2, **settings, name: wrong})
     envs = OpenMapNavVectorEnv(2, workers=0, autoreset_mode=AutoresetMode.DISABLED, **settings)
-    with pytest.raises(ValueError, match="3 seeds"):
-        envs.reset(seed=[1, 2, 3])
-    with pytest.raises(ValueError, match="reset_mask"):
-        envs.reset(options={"reset_mask": np.array([1, 0])})
-    with pytest.raises(ValueError, match="numbers from 0 to 1"):
-        envs.call_on([2], "episode")
+    for call, said in (
+        (lambda: envs.reset(seed=[1, 2, 3]), "3 seeds"),
+        (lambda: envs.reset(seed="7"), "got 1 seeds|seed.* is '7'"),
+        (lambda: envs.reset(seed=1.5), "seed is 1.5, expected"),
+        (lambda: envs.reset(seed=[1, -2]), r"seed\[1\] is -2, expected"),
+        (lambda: envs.reset(options=3), "options is 3, expected"),
+        (lambda: envs.reset(options={"reset_mask": np.array([1, 0])}), "reset_mask"),
+        (lambda: envs.call_on([2], "episode"), r"indices\[0\] is 2, expected an integer from 0 to 1"),
+        (lambda: envs.call_on(1, "episode"), "indices is 1, expected"),
+        (lambda: envs.declare(None), "declarations is None, expected"),
+        (lambda: envs.step(3), "actions is 3, expected"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            call()
     envs.reset(seed=0)
+    before = [len(walk.path) for walk in envs.get_attr("_walk")]
+    for wrong in ([1, 9], [1, 1.0], [1, None]):
+        with pytest.raises(ValueError, match=r"actions\[1\] is .*expected one of Discrete"):
+            envs.step(wrong)
+    assert [len(walk.path) for walk in envs.get_attr("_walk")] == before, "none was played"
     envs.step([0, 1])
     with pytest.raises(RuntimeError, match="environment 0 is over"):
         envs.step([1, 1])

@@ -179,3 +179,22 @@ def test_wrapped_environments_come_in_batches(toy_specs):
     assert envs.observation_space.contains(observation)
     assert observation["map"].shape == (2, 64, 64, 3)
     envs.close()
+
+
+def test_arguments_of_wrappers_are_refused_by_name(toy_specs):
+    env = gym.make("OpenMapNav-v0", scene=toy_specs[0], width=16, height=12)
+    for wrap, wrong, said in (
+        (EmbedInstruction, {"embed": 3}, "embed is 3, expected a callable or one of hashed"),
+        (EmbedInstruction, {"embed": lambda text: "a"}, r"embed\('find the chair'\) is 'a', expected finite numbers"),
+        (EmbedInstruction, {"key": "rgb"}, "key is 'rgb', expected a name that the observation does not have"),
+        (EmbedInstruction, {"key": 3}, "key is 3"),
+        (NormalizeDepth, {"max_depth": "far"}, "max_depth is 'far', expected a number"),
+        (NormalizeDepth, {"min_depth": np.nan}, "min_depth is nan"),
+        (TopDownOccupancy, {"size": 3.5}, "size is 3.5, expected an integer from 1 to 2048"),
+        (TopDownOccupancy, {"size": 10**6}, "size is 1000000"),
+        (TopDownOccupancy, {"resolution": "fine"}, "resolution is 'fine'"),
+        (TopDownOccupancy, {"resolution": 1e-9}, "resolution is 1e-09"),
+    ):
+        with pytest.raises(ValueError, match=said):
+            wrap(env, **wrong)
+    env.close()
