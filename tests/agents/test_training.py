@@ -35,7 +35,7 @@ def toy_file(tmp_path_factory) -> str:
 def trained(toy_file, tmp_path_factory) -> tuple[Args, Path]:
     """2,000 steps of training in the toy home, stopped after 1,200."""
     args = Args(
-        out=tmp_path_factory.mktemp("ppo"), scene=(toy_file,), steps=1200, envs=4, workers=1, width=48, height=48,
+        out=tmp_path_factory.mktemp("ppo"), scene=(toy_file,), steps=1200, envs=4, workers=0, width=48, height=48,
         rollout=100, minibatch=100, epochs=1, max_steps=25, save_every=400,
     )  # fmt: skip
     train(args)
