@@ -214,9 +214,9 @@ def integer(name: str, value: Any, low: int, high: int = LARGEST_SEED) -> int:
 def number(name: str, value: Any, above: float, most: float, unit: str) -> float:
     """A finite number with ``above`` < value <= ``most``; ValueError where it is none."""
     if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
-        refuse(name, value, f"a number, {unit}")
+        refuse(name, value, f"a number, {unit}".removesuffix(", "))
     if not (math.isfinite(value) and above < value <= most):
-        refuse(name, value, f"more than {above:g} and at most {most:g} {unit}")
+        refuse(name, value, f"more than {above:g} and at most {most:g} {unit}".rstrip())
     return float(value)
 
 

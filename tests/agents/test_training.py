@@ -136,6 +136,23 @@ def test_without_the_library_one_message_says_what_to_install(monkeypatch):
         train(Args())
 
 
-def test_arguments_that_make_no_sense_are_refused(tmp_path):
-    with pytest.raises(ValueError, match="expected at least 1, 1, 2 and 36 x 36"):
-        train(Args(out=tmp_path, width=16))
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"width": 16}, "width is 16, expected an integer from 36"),
+        ({"steps": "many"}, "steps is 'many'"),
+        ({"epochs": 0}, "epochs is 0"),
+        ({"minibatch": 1}, "minibatch is 1"),
+        ({"rollout": 33, "envs": 1, "minibatch": 32}, "minibatch is 32, expected a number that leaves no rest of 1"),
+        ({"gamma": 2.0}, "gamma is 2.0, expected more than 0 and at most 1$"),
+        ({"clip": 0.0}, "clip is 0.0"),
+        ({"entropy": float("nan")}, "entropy is nan"),
+        ({"torch_threads": 0}, "torch_threads is 0"),
+        ({"seed": -1}, "seed is -1"),
+        ({"renderer": "pencil"}, "renderer is 'pencil'"),
+    ],
+)
+def test_arguments_that_make_no_sense_are_refused_by_name(tmp_path, toy_file, wrong, said):
+    with pytest.raises(ValueError, match=said):
+        train(replace(Args(out=tmp_path / "out", scene=(toy_file,), workers=0), **wrong))
+    assert not (tmp_path / "out").exists(), "nothing is begun"

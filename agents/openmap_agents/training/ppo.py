@@ -22,6 +22,7 @@ import numpy as np
 import tyro
 
 from openmap_agents.training.policy import Saved, read, stable_baselines, write
+from openmap_env.settings import integer, number, refuse
 from openmap_scenes import DataError
 
 EMBEDDING = "hashed"
@@ -77,6 +78,14 @@ class Args:
 _FREE = ("out", "steps", "workers", "save_every", "torch_threads")
 
 
+# What the learner takes: least whole numbers, and what other numbers are at most, all of them above 0.
+_AT_LEAST = {
+    "steps": 1, "envs": 1, "width": 36, "height": 36, "rollout": 2, "minibatch": 2, "epochs": 1, "torch_threads": 1,
+    "save_every": 1, "seed": 0,
+}  # fmt: skip
+_AT_MOST = {"learning_rate": 1.0, "gamma": 1.0, "gae_lambda": 1.0, "clip": 1e6}
+
+
 def train(args: Args) -> Path:
     """Train, or go on training; the path of the policy.
 
@@ -89,17 +98,13 @@ def train(args: Args) -> Path:
     RuntimeError
         stable-baselines3 is not installed.
     """
+    _check(args)
     ppo = stable_baselines().PPO
     import torch
     from stable_baselines3.common.vec_env import VecMonitor
 
     from openmap_agents.training.batch import StableBatch
 
-    if args.steps < 1 or args.envs < 1 or args.rollout < 2 or min(args.width, args.height) < 36:
-        raise ValueError(
-            f"steps {args.steps}, envs {args.envs}, rollout {args.rollout}, picture {args.width} x {args.height} px; "
-            "expected at least 1, 1, 2 and 36 x 36"
-        )
     torch.set_num_threads(args.torch_threads)
     path = args.out / "policy.safetensors"
     before = _go_on(path, args) if path.exists() else None
@@ -122,6 +127,22 @@ def train(args: Args) -> Path:
     finally:
         batch.close()
     return path
+
+
+def _check(args: Args) -> None:
+    """ValueError, naming the argument, where the learner could not use it; the environments check their own."""
+    for name, low in _AT_LEAST.items():
+        integer(name, getattr(args, name), low)
+    if args.rollout * args.envs % args.minibatch == 1:
+        refuse(
+            "minibatch",
+            args.minibatch,
+            f"a number that leaves no rest of 1 in {args.rollout * args.envs} steps of a rollout",
+        )
+    for name, most in _AT_MOST.items():
+        number(name, getattr(args, name), 0.0, most, "")
+    if args.entropy != 0.0:
+        number("entropy", args.entropy, 0.0, 1e6, "")
 
 
 def _environments(args: Args) -> Any:
@@ -242,7 +263,7 @@ def main() -> None:
     """The command."""
     try:
         print(train(tyro.cli(Args, description=__doc__)))
-    except (ValueError, RuntimeError) as error:
+    except (ValueError, RuntimeError, OSError) as error:
         raise SystemExit(str(error)) from error
     except KeyboardInterrupt:
         raise SystemExit("stopped; the same command goes on from the last checkpoint") from None
