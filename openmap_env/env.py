@@ -132,8 +132,8 @@ class OpenMapNavEnv(gym.Env[Observation, int], EzPickle):
     * `body=None`: a `Body`, or a dict of its fields; None = radius 0.2 m, height 1.5 m, steps up to 0.2 m.
     * `forward_step=0.25`, `turn_deg=15.0`, `look_deg=15.0`: sizes of the actions, m and degrees.
     * `max_steps=500`: steps until truncation.
-    * `renderer="opengl"`: or `pyrender`, `raycast`, `auto`; or a dict with the name and that renderer's settings,
-        `{"name": "opengl", "platform": "osmesa"}`.
+    * `renderer="auto"`: `opengl`, or `raycast` on a machine without OpenGL; or one of those or `pyrender`; or a
+        dict with the name and that renderer's settings, `{"name": "opengl", "platform": "osmesa"}`.
     * `protocol="retrieval"`: or `navigation`.
     * `measures=()`: `openmap_env.measures.Measure` objects beside those that are always there.
     * `episodes_per_scene=None`, `episode_seed=None`: how many episodes to generate for each scene, and by which seed; None = 24
@@ -167,7 +167,7 @@ class OpenMapNavEnv(gym.Env[Observation, int], EzPickle):
         turn_deg: float = 15.0,
         look_deg: float = 15.0,
         max_steps: int = 500,
-        renderer: str | Mapping[str, Any] = "opengl",
+        renderer: str | Mapping[str, Any] = "auto",
         protocol: Protocol = "retrieval",
         measures: Sequence[Measure] = (),
         episodes_per_scene: int | None = None,

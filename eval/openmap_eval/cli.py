@@ -42,8 +42,8 @@ class Eval:
     """Explore once and answer everything, or every episode by itself."""
     seed: int = 0
     """Draws episodes and everything that an agent draws."""
-    renderer: str = "opengl"
-    """opengl, pyrender or raycast."""
+    renderer: str = "auto"
+    """opengl, pyrender or raycast; auto is opengl where there is a context for it, else raycast."""
     width: int = 640
     """Picture width, px."""
     height: int = 480

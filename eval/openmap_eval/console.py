@@ -64,9 +64,12 @@ def print_summary(console: Console, summary: Mapping[str, Any]) -> None:
     """SR and SR_k by kind, with intervals."""
     oracle = oracle_note(summary["settings"])
     table = Table(
-        title=("ORACLE: " + oracle) if oracle else "Success rates [95 % interval]", title_justify="left", pad_edge=False
+        title=("ORACLE: " + oracle) if oracle else "Success rates [95 % interval]",
+        title_justify="left",
+        pad_edge=False,
+        padding=(0, 0),
     )
-    table.add_column("kind")
+    table.add_column("kind", no_wrap=True)
     table.add_column("episodes", justify="right")
     for k in KS:
         table.add_column("SR" if k == 1 else f"SR_{k}", justify="right")
@@ -74,6 +77,6 @@ def print_summary(console: Console, summary: Mapping[str, Any]) -> None:
     rows["all"] = {"episodes": summary["episodes"], **summary["all"]}
     for kind, values in rows.items():
         cells = [values[f"sr_{k}"] for k in KS]
-        shown = [f"{c['mean']:.2f} [dim]\\[{c['low']:.2f}, {c['high']:.2f}][/]" for c in cells]
+        shown = [f"{c['mean']:.2f}\n[dim]\\[{c['low']:.2f}, {c['high']:.2f}][/]" for c in cells]
         table.add_row(kind, str(values["episodes"]), *shown)
     console.print(table)

@@ -27,9 +27,9 @@ class ListEpisodes:
     def run(self, console: Console) -> None:
         from openmap_env.episodes.benchmark import NAME, SIZES, VERSION, read_split, split_file
 
-        table = Table(title=f"{NAME}, version {VERSION}", title_justify="left")
+        table = Table(title=f"{NAME}, version {VERSION}", title_justify="left", pad_edge=False, padding=(0, 0))
         for name in ("split", "homes", "episodes", *SHORT.values(), "instructions", "seed", "KB"):
-            table.add_column(name, justify="left" if name == "split" else "right")
+            table.add_column(name, justify="left" if name == "split" else "right", no_wrap=name == "split")
         for split, size in SIZES.items():
             path = split_file(split)
             if not path.is_file():
@@ -126,9 +126,9 @@ class CheckEpisodes:
         tasks = self._tasks()
         place = {task[0]: number for number, task in enumerate(tasks)}
         results = sorted(each(check_scene, tasks, self.jobs, "scenes", console), key=lambda r: place[r[0]])
-        table = Table(title="episodes held against their homes", title_justify="left")
+        table = Table(title="episodes held against their homes", title_justify="left", pad_edge=False, padding=(0, 0))
         for name in ("scene", "episodes", *SHORT.values(), "targets", "way, m", "wrong"):
-            table.add_column(name, justify="left" if name == "scene" else "right")
+            table.add_column(name, justify="left" if name == "scene" else "right", no_wrap=name == "scene")
         for spec, row, found in results:
             table.add_row(spec, *row, f"[red]{len(found)}[/]" if found else "0")
         console.print(table)

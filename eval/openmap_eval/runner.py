@@ -41,7 +41,7 @@ class EvalSettings:
     llm: str = "builtin"
     protocol: Literal["retrieval", "navigation"] = "retrieval"
     seed: int = 0
-    renderer: str = "opengl"
+    renderer: str = "auto"
     width: int = 640
     height: int = 480
     max_steps: int = 2000

@@ -136,8 +136,10 @@ def _size(text: str) -> tuple[int, int]:
 
 def _table(result: dict[str, Any], size: str, rows: dict[str, dict[str, float]]) -> Table:
     s = result["settings"]
-    table = Table(title=f"{size}, rgb + depth + ids, {s['scene']}, {s['renderer']}", title_justify="left")
-    table.add_column("environments")
+    table = Table(
+        title=f"{size}, rgb + depth + ids, {s['scene']}, {s['renderer']}", title_justify="left", pad_edge=False
+    )
+    table.add_column("environments", no_wrap=True)
     for column in ("steps/s", "times one", "times one, LP 0", "CPU ms a step", "not rendering", "worker's PSS MiB"):
         table.add_column(column, justify="right")
     for row, f in rows.items():
