@@ -15,7 +15,7 @@ from contextlib import suppress
 from functools import partial
 from itertools import pairwise
 from multiprocessing.connection import Connection, Pipe
-from typing import Any
+from typing import Any, NoReturn
 
 import cloudpickle  # type: ignore[import-untyped]
 import gymnasium as gym
@@ -220,6 +220,13 @@ class OpenMapNavVectorEnv(VectorEnv[Batch, Any, npt.NDArray[Any]]):
             if process.returncode is None:
                 process.kill()
                 process.wait()
+
+    def __getstate__(self) -> NoReturn:
+        # A copy would hold the same pipes, and close them.
+        raise TypeError(
+            f"a {type(self).__name__} cannot be copied or pickled, since it has processes of its own; make another with the same "
+            "arguments"
+        )
 
     def __del__(self) -> None:
         # A fork of this process has no workers of its own to end.

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -113,6 +115,9 @@ def test_workers_do_what_they_are_asked_and_say_what_goes_wrong(settings):
     assert infos["_kind"].tolist() == mask.tolist()
     assert_same(again["rgb"][0], observation["rgb"][0])
     assert again["instruction"][1] != observation["instruction"][1]
+    for another in (copy.copy, copy.deepcopy, pickle.dumps):
+        with pytest.raises(TypeError, match="make another with the same arguments"):
+            another(envs)
     with pytest.raises(ValueError, match="2 actions"):
         envs.step([1, 1])
     os.kill(envs._processes[1].pid, signal.SIGKILL)
@@ -188,7 +193,7 @@ def test_wrapped_environments_and_views_without_a_copy(settings):
 
 
 def test_instructions_come_through_the_shared_memory_of_gymnasiums_processes(settings):
-    # Forks of this process, which has drawn with OpenGL, might wait for its threads for ever.
+    # A fork of this process, which has drawn with OpenGL, could draw nothing.
     kwargs = {"shared_memory": True, "context": "spawn"}
     envs = gym.make_vec(ENV_ID, num_envs=2, vectorization_mode="async", vector_kwargs=kwargs, **settings)
     observation, _ = envs.reset(seed=0)
