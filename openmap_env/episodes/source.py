@@ -89,13 +89,6 @@ class EpisodeSource:
             return self._given[int(rng.integers(len(self._given)))].scene
         return self.scenes[int(rng.integers(len(self.scenes)))]
 
-    def find(self, name: str | int) -> Episode | None:
-        """An episode by its id, or by its index, among the given ones or those of the scenes entered so far; None = not there."""
-        known = self._given if self._given is not None else [e for s in self._by_scene.values() for e in s]
-        if isinstance(name, str):
-            return next((e for e in known if e.episode_id == name), None)
-        return known[name] if 0 <= name < len(known) else None
-
     def given_for(self, spec: str) -> list[Episode]:
         """The given episodes of a scene."""
         return [e for e in self._given or () if e.scene == spec]
