@@ -29,7 +29,7 @@ def test_every_row_is_measured_and_written_beside_the_machine(tmp_path):
     assert all(figures["steps_per_second"] > 0.0 for figures in rows.values())
     assert rows["one"]["times_one"] == 1.0
     assert 0.0 < rows["one"]["not_rendering"] < 1.0
-    assert rows["two, OpenMapNavVectorEnv"]["worker_pss_mib"] > 0.0
+    assert rows["two, ours"]["worker_pss_mib"] > 0.0
     assert result["leak"]["24x16"]["frames"] == 20
     assert result["leak"]["24x16"]["switches"] == 4
     text = console.export_text()

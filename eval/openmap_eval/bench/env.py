@@ -16,18 +16,21 @@ from rich.table import Table
 
 from openmap_eval.bench.machine import describe_machine, write_json
 
+WALKS = 8
+"""Two environments make them in four turns, eight at once: a step of a batch waits for the slowest, which evens out in eight."""
 ROWS: dict[str, tuple[str, dict[str, str]]] = {
     "one": ("one", {}),
     "one, LP_NUM_THREADS=0": ("one", {"LP_NUM_THREADS": "0"}),
-    "two, Gymnasium's AsyncVectorEnv": ("gymnasium_async", {"LP_NUM_THREADS": "0"}),
-    "two, OpenMapNavVectorEnv": ("vector", {}),
+    "two, Gymnasium's async": ("gymnasium_async", {"LP_NUM_THREADS": "0"}),
+    "two, ours": ("vector", {}),
+    "eight, ours, two workers": ("crowd", {}),
 }
 """What is measured: a way of ``env_child``, and environment variables; ``LP_NUM_THREADS`` is not set otherwise."""
 
 
 @dataclass(frozen=True)
 class Env:
-    """How fast environments step with all sensors on: one, and two in processes of their own; same walks, in turn, in one run.
+    """How fast environments step with all sensors on: one, and several in two processes; same walks, in turn, in one run.
 
     Random walks of fixed seeds, mostly forward. Steps a second count the steps of all environments together. CPU is that of all
     processes. With --leak: how memory grows over many frames and over many changes of scene.
@@ -37,8 +40,8 @@ class Env:
     """The scene of the walks."""
     sizes: tuple[str, ...] = ("256x256", "640x480")
     """Width x height of the camera, px."""
-    steps: int = 400
-    """Of each of the two walks."""
+    steps: int = 100
+    """Of each of the eight walks."""
     repeats: int = 3
     """Rounds; in each, every row is measured once, and the median counts."""
     renderer: str = "opengl"
@@ -84,7 +87,7 @@ def measure(settings: Env) -> dict[str, Any]:
     }
     for size, shape in sizes.items():
         rounds = [{row: _once(settings, *shape, *ROWS[row]) for row in ROWS} for _ in range(settings.repeats)]
-        result["sizes"][size] = {row: _figures(row, rounds, 2 * settings.steps) for row in ROWS}
+        result["sizes"][size] = {row: _figures(row, rounds, WALKS * settings.steps) for row in ROWS}
     if settings.leak:
         result["leak"] = {size: _once(settings, *shape, "leak", {}) for size, shape in sizes.items()}
     return result
@@ -114,7 +117,7 @@ def _once(settings: Env, width: int, height: int, way: str, variables: dict[str,
         "height": height,
         "renderer": settings.renderer,
         "steps": settings.leak_frames if leak else settings.steps,
-        "walks": 2,
+        "walks": WALKS,
         "switches": settings.leak_switches,
         "seed": settings.seed,
     }
