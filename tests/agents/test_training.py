@@ -15,6 +15,7 @@ from conftest import make_toy_scene
 from safetensors.torch import save_file
 
 from openmap_agents import make_agent
+from openmap_agents.training.batch import StableBatch
 from openmap_agents.training.policy import Saved, load, read, stable_baselines, write
 from openmap_agents.training.ppo import Args, train
 from openmap_agents.training.view import LearnersView, view
@@ -89,6 +90,16 @@ def test_stable_baselines_finds_nothing_wrong_with_the_wrapped_environment(toy_s
     check_env(env)
     check_env(LearnersView(EmbedInstruction(gym.make("OpenMapNav-v0", scene=toy_specs[0], width=48, height=48))))
     env.close()
+
+
+def test_a_batch_sets_an_attribute_of_the_environments_that_are_named_and_of_no_other(toy_file):
+    settings = {"scene": toy_file, "width": 24, "height": 16, "workers": 0, "autoreset_mode": "SameStep"}
+    envs = gym.make_vec("openmap_env:OpenMapNav-v0", 3, vectorization_mode="vector_entry_point", **settings)
+    batch = StableBatch(envs)
+    batch.set_attr("nickname", "a")
+    batch.set_attr("nickname", "b", indices=[1])
+    assert batch.get_attr("nickname") == ["a", "b", "a"]
+    batch.close()
 
 
 def test_a_view_has_colour_depth_heading_and_words():

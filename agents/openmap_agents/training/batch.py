@@ -56,7 +56,9 @@ class StableBatch(VecEnv):  # type: ignore[misc]
         return list(self.envs.call_on(self._chosen(indices), attr_name))
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        raise NotImplementedError("environments of one batch have the same settings")
+        chosen = set(self._chosen(indices))
+        old = self.get_attr(attr_name) if len(chosen) < self.num_envs else [None] * self.num_envs
+        self.envs.set_attr(attr_name, [value if i in chosen else kept for i, kept in enumerate(old)])
 
     def env_method(self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any) -> list[Any]:
         return list(self.envs.call_on(self._chosen(indices), method_name, *method_args, **method_kwargs))
