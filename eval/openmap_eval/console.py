@@ -46,9 +46,15 @@ class ProgressBars:
 
 def print_answers(console: Console, records: Sequence[EpisodeRecord]) -> None:
     """Instruction -> answer -> distance -> hit at 1/4/8/16, a row an episode."""
-    table = Table(title="What was asked, and what was found", title_justify="left", pad_edge=False)
-    for name in ("instruction", "first answer", "target"):
-        table.add_column(name, overflow="fold")
+    table = Table(
+        title="What was asked, and what was found",
+        title_justify="left",
+        pad_edge=False,
+        padding=(0, 0),
+        show_lines=True,
+    )
+    for name, share in (("instruction", 2), ("first answer", 1), ("target", 1)):
+        table.add_column(name, overflow="fold", ratio=share)
     table.add_column("distance", justify="right")
     for k in KS:
         table.add_column(f"@{k}", justify="center")
