@@ -112,11 +112,7 @@ class LeanRenderer(pyrender.Renderer):  # type: ignore[misc]
         bound, look, picture = -1, None, -1
         for node in seen:
             program, vertices, count, material = self._colour[node]
-            if program.number not in ready:
-                program.use(V, P)
-                ready.add(program.number)
-            elif program.number != bound:
-                GL.glUseProgram(program.number)
+            _make_current(program, bound, ready, V, P)
             if program.number != bound or material is not look:
                 bound, look = program.number, material
                 GL.glUniform4f(program.place("material.base_color_factor"), *material.baseColorFactor.tolist())
@@ -133,11 +129,7 @@ class LeanRenderer(pyrender.Renderer):  # type: ignore[misc]
         bound = -1
         for node in seen:
             program, vertices, count, shade = self._codes[node]
-            if program.number not in ready:
-                program.use(V, P)
-                ready.add(program.number)
-            elif program.number != bound:
-                GL.glUseProgram(program.number)
+            _make_current(program, bound, ready, V, P)
             bound = program.number
             GL.glUniform3f(program.place("color"), *shade)
             GL.glBindVertexArray(vertices)
@@ -153,6 +145,15 @@ class LeanRenderer(pyrender.Renderer):  # type: ignore[misc]
 
     def __del__(self) -> None:
         """Nothing: pyrender's own would delete in whatever context is current by then; ``delete`` has been called."""
+
+
+def _make_current(program: _Program, bound: int, ready: set[int], V: Matrix, P: Matrix) -> None:
+    """Bind a program unless it is the one that is ``bound``; its camera is set the first time of a pass."""
+    if program.number not in ready:
+        program.use(V, P)
+        ready.add(program.number)
+    elif program.number != bound:
+        GL.glUseProgram(program.number)
 
 
 def _read(width: int, height: int, layout: int, kind: int, out: npt.NDArray[Any]) -> None:

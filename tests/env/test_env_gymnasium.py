@@ -163,7 +163,8 @@ def test_frames_are_collected_and_filmed(make, tmp_path):
 
 
 def test_a_window_shows_every_step(make, monkeypatch):
-    pygame = pytest.importorskip("pygame")
+    import pygame
+
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     monkeypatch.setattr(window.Window, "_pause", lambda self: None)
     env = make(render_mode="human")
