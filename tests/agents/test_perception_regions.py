@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from openmap_agents.perception import Masks, make_encoder, make_segmenter
 from openmap_agents.perception.encoder import WEIGHTS, EmbeddedEncoder, fuse
-from openmap_agents.perception.measure import ious, measure
+from openmap_agents.perception.measure import measure
+from openmap_agents.perception.overlap import ious
 from openmap_agents.perception.regions import N_EXTREMES, N_PAIR, N_SUMS, Tree, agglomerate, best_cut, describe
 from openmap_agents.perception.segmenter import EmbeddedSegmenter, patches_of, plain_join
 from openmap_agents.perception.shape import N_SHAPE, shape_features

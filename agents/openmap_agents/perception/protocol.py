@@ -48,10 +48,31 @@ class Segmenter(Protocol):
         ...
 
 
+@dataclass(frozen=True)
+class Calibration:
+    """What a cosine between a region and a text means: p = 1 / (1 + exp(-(slope * cosine + offset))).
+
+    An encoder's own, so that one threshold on p means the same whatever encoder made the features.
+
+    Parameters
+    ----------
+    slope, offset : float
+        Platt's (Advances in Large Margin Classifiers, 1999); ``slope`` is positive.
+    """
+
+    slope: float
+    offset: float
+
+    def __call__(self, cosine: npt.ArrayLike) -> npt.NDArray[np.float64]:
+        """Probabilities 0..1 that the text is a word for the region, of cosines of any shape."""
+        return np.asarray(1.0 / (1.0 + np.exp(-(self.slope * np.asarray(cosine, np.float64) + self.offset))))
+
+
 class Encoder(Protocol):
     """Words and regions -> one space of D dimensions, in which the cosine says how well they fit."""
 
     dim: int
+    calibration: Calibration
 
     def encode_text(self, texts: list[str]) -> npt.NDArray[np.float32]:
         """Unit vectors (n, D) float32."""
@@ -66,4 +87,8 @@ class Encoder(Protocol):
         camera: PinholeCamera,
     ) -> npt.NDArray[np.float32]:
         """Unit vectors (n, D) float32, one for each mask 1..n of the picture, in that order."""
+        ...
+
+    def encode_crops(self, crops: list[npt.NDArray[np.uint8]]) -> npt.NDArray[np.float32]:
+        """Unit vectors (n, D) float32 of n pictures (h, w, 3) uint8, each of one thing and of any size."""
         ...

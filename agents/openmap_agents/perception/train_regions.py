@@ -17,7 +17,7 @@ from torch import nn
 
 from openmap_agents.perception.backbone import Backbone
 from openmap_agents.perception.encoder import describe
-from openmap_agents.perception.measure import ious, true_masks
+from openmap_agents.perception.overlap import ious, true_masks
 from openmap_agents.perception.segmenter import EmbeddedSegmenter
 from openmap_agents.perception.train_segmenter import Sample
 
