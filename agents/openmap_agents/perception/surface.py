@@ -6,6 +6,7 @@ Perception works on a picture of about 320 pixels' width, whatever the camera's:
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import cv2
 import numba
@@ -17,6 +18,9 @@ from openmap_scenes import PinholeCamera
 WORKING_WIDTH = 320
 _JUMP = 0.03  # relative step in depth from one pixel to the next that may end a surface
 _BEND = 0.01  # it does not where the surface goes on as flat as it came: inverse depth is linear on a plane
+_REACH = 3  # pixels to each side that a normal is taken over
+_FARTHEST = 1e4  # m; sensors have been seen to say "nothing" by a very large number
+_LOW_SHARE = 0.005
 
 
 @dataclass(frozen=True)
@@ -45,63 +49,115 @@ class Surface:
     floor: float
 
 
-@numba.njit(cache=True)
-def _reading(depth: np.ndarray, v: int, u: int) -> float:
-    """Inverse depth, or -1 outside the picture and where nothing was seen."""
-    if v < 0 or u < 0 or v >= depth.shape[0] or u >= depth.shape[1] or depth[v, u] <= 0.0:
-        return -1.0
-    return float(1.0 / depth[v, u])
+@numba.njit(cache=True, error_model="numpy")
+def _goes_on(last: float, here: float, there: float, beyond: float) -> bool:
+    """Whether a surface goes on from ``here`` to ``there``: inverse depths of four pixels in a row, negative = nothing seen."""
+    if there <= 0.0:
+        return False
+    if abs(here - there) <= _JUMP * there:
+        return True
+    as_before = last > 0.0 and abs(there - 2.0 * here + last) <= _BEND * here
+    return as_before or (beyond > 0.0 and abs(here - 2.0 * there + beyond) <= _BEND * here)
 
 
-@numba.njit(cache=True)
-def _side(depth: np.ndarray, v: int, u: int, dv: int, du: int, reach: int) -> int:
-    """Steps (0..reach) one may go from (v, u) along (dv, du) without leaving the picture or the surface."""
-    last, here = _reading(depth, v - dv, u - du), _reading(depth, v, u)
-    for i in range(1, reach + 1):
-        there = _reading(depth, v + i * dv, u + i * du)
-        if there <= 0.0:
-            return i - 1
-        if abs(here - there) > _JUMP * there:
-            beyond = _reading(depth, v + (i + 1) * dv, u + (i + 1) * du)
-            as_before = last > 0.0 and abs(there - 2.0 * here + last) <= _BEND * here
-            as_after = beyond > 0.0 and abs(here - 2.0 * there + beyond) <= _BEND * here
-            if not (as_before or as_after):
-                return i - 1
-        last, here = here, there
-    return reach
+@numba.njit(cache=True, error_model="numpy")
+def _arms(depth: np.ndarray, reach: int) -> np.ndarray:
+    """Steps (h, w, 4) uint8, 0..reach, one may go left, right, up and down without leaving the picture or the surface."""
+    h, w = depth.shape
+    inverse = np.full((h + 4, w + 4), -1.0)  # a border of two pixels where nothing was seen
+    for v in range(h):
+        for u in range(w):
+            if depth[v, u] > 0.0:
+                inverse[v + 2, u + 2] = 1.0 / depth[v, u]
+    arms = np.zeros((h, w, 4), np.uint8)
+    for v in range(h):
+        row = inverse[v + 2]
+        run = 0
+        for u in range(w):
+            on = row[u + 2] > 0.0 and _goes_on(row[u + 3], row[u + 2], row[u + 1], row[u])
+            run = min(run + 1, reach) if on else 0
+            arms[v, u, 0] = run
+        run = 0
+        for u in range(w - 1, -1, -1):
+            on = row[u + 2] > 0.0 and _goes_on(row[u + 1], row[u + 2], row[u + 3], row[u + 4])
+            run = min(run + 1, reach) if on else 0
+            arms[v, u, 1] = run
+        for u in range(2, w + 2):
+            if row[u] > 0.0 and _goes_on(inverse[v + 3, u], row[u], inverse[v + 1, u], inverse[v, u]):
+                arms[v, u - 2, 2] = min(arms[v - 1, u - 2, 2] + 1, reach)
+    for v in range(h - 1, -1, -1):
+        row = inverse[v + 2]
+        for u in range(2, w + 2):
+            if row[u] > 0.0 and _goes_on(inverse[v + 1, u], row[u], inverse[v + 3, u], inverse[v + 4, u]):
+                arms[v, u - 2, 3] = min(arms[v + 1, u - 2, 3] + 1, reach)
+    return arms
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")
 def _normals(points: np.ndarray, depth: np.ndarray, reach: int) -> np.ndarray:
     """Unit normals (h, w, 3) towards the origin: cross product of the longest differences that stay on the surface."""
     h, w = depth.shape
+    arms = _arms(depth, reach)
     normals = np.zeros((h, w, 3), np.float32)
     for v in range(h):
         for u in range(w):
             if depth[v, u] <= 0.0:
                 continue
-            left, right = _side(depth, v, u, 0, -1, reach), _side(depth, v, u, 0, 1, reach)
-            up, down = _side(depth, v, u, -1, 0, reach), _side(depth, v, u, 1, 0, reach)
+            left, right, up, down = arms[v, u, 0], arms[v, u, 1], arms[v, u, 2], arms[v, u, 3]
             # Equal arms where both sides allow it: a lopsided difference leans at creases.
             if left > 0 and right > 0:
                 left = right = min(left, right)
             if up > 0 and down > 0:
                 up = down = min(up, down)
-            p = points[v, u]
-            if left + right == 0 or up + down == 0:
-                normals[v, u] = -p / np.sqrt((p * p).sum())
-                continue
-            a = points[v, u + right] - points[v, u - left]
-            b = points[v + down, u] - points[v - up, u]
-            n0, n1, n2 = b[1] * a[2] - b[2] * a[1], b[2] * a[0] - b[0] * a[2], b[0] * a[1] - b[1] * a[0]
+            a0 = points[v, u + right, 0] - points[v, u - left, 0]
+            a1 = points[v, u + right, 1] - points[v, u - left, 1]
+            a2 = points[v, u + right, 2] - points[v, u - left, 2]
+            b0 = points[v + down, u, 0] - points[v - up, u, 0]
+            b1 = points[v + down, u, 1] - points[v - up, u, 1]
+            b2 = points[v + down, u, 2] - points[v - up, u, 2]
+            n0, n1, n2 = b1 * a2 - b2 * a1, b2 * a0 - b0 * a2, b0 * a1 - b1 * a0
             length = np.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
-            if length < 1e-12:
-                normals[v, u] = -p / np.sqrt((p * p).sum())
-                continue
-            if n0 * p[0] + n1 * p[1] + n2 * p[2] > 0.0:
+            p0, p1, p2 = points[v, u, 0], points[v, u, 1], points[v, u, 2]
+            if length < 1e-12:  # no arm along one of the lines, or both along one
+                n0, n1, n2 = -p0, -p1, -p2
+                length = np.sqrt(p0 * p0 + p1 * p1 + p2 * p2)
+            elif n0 * p0 + n1 * p1 + n2 * p2 > 0.0:
                 length = -length
             normals[v, u, 0], normals[v, u, 1], normals[v, u, 2] = n0 / length, n1 / length, n2 / length
     return normals
+
+
+@numba.njit(cache=True)
+def _clean_and_unproject(depth: np.ndarray, rays: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """Points (h, w, 3) of depth along rays; readings that are none become 0 in place. All float32."""
+    h, w = depth.shape
+    points = np.empty((h, w, 3), np.float32)
+    for v in range(h):
+        for u in range(w):
+            d = depth[v, u]
+            if not (0.0 < d < _FARTHEST):
+                d = np.float32(0.0)
+                depth[v, u] = d
+            x, y, z = d * rays[v, u, 0], d * rays[v, u, 1], d * rays[v, u, 2]
+            for c in range(3):
+                points[v, u, c] = rotation[c, 0] * x + rotation[c, 1] * y + rotation[c, 2] * z
+    return points
+
+
+@lru_cache(maxsize=4)
+def _rays(camera: PinholeCamera, step: int) -> npt.NDArray[np.float32]:
+    """The camera's rays (h, w, 3) through the pixels of the working picture."""
+    return np.ascontiguousarray(camera.rays()[step // 2 :: step, step // 2 :: step])
+
+
+def _low(heights: npt.NDArray[np.float32]) -> float:
+    """The height (m) that half a percent of ``heights`` (n,) lie below, interpolated linearly; 0 of none."""
+    if len(heights) == 0:
+        return 0.0
+    place = (len(heights) - 1) * _LOW_SHARE
+    k = int(place)
+    low = np.partition(heights, sorted({k, min(k + 1, len(heights) - 1)}))[k : k + 2]
+    return float(low[0] + (low[-1] - low[0]) * (place - k))
 
 
 def check_picture(rgb: npt.NDArray[np.uint8], depth: npt.NDArray[np.floating], camera: PinholeCamera) -> None:
@@ -121,22 +177,18 @@ def working_picture(
 ) -> Surface:
     """The gravity-aligned working picture of rgb (H, W, 3) uint8 and planar depth (H, W) m. Only the pose's rotation is used.
 
-    Depth that is not finite counts as nothing seen.
+    Depth that is not finite, not positive or 10 km and more counts as nothing seen.
     """
     check_picture(rgb, depth, camera)
     step = max(1, round(camera.width / WORKING_WIDTH))
     offset = step // 2
-    kept = np.asarray(depth, np.float32)[offset::step, offset::step]
-    kept = np.where(np.isfinite(kept) & (kept > 0), kept, 0).astype(np.float32)
-    h, w = kept.shape
-    rays = camera.rays()[offset::step, offset::step]
+    kept = np.array(depth[offset::step, offset::step], np.float32)
     rotation = np.asarray(T_world_camera, np.float64)[:3, :3].astype(np.float32)
-    points = np.ascontiguousarray((kept[..., None] * rays) @ rotation.T, np.float32)
+    points = _clean_and_unproject(kept, _rays(camera, step), np.ascontiguousarray(rotation))
     small = cv2.blur(rgb, (step, step))[offset::step, offset::step] if step > 1 else rgb
-    lab = cv2.cvtColor(np.ascontiguousarray(small[:h, :w]).astype(np.float32) / 255.0, cv2.COLOR_RGB2LAB)
-    seen = kept > 0
-    floor = float(np.percentile(points[..., 1][seen], 0.5)) if seen.any() else 0.0
-    return Surface(step, kept, points, _normals(points, kept, 3), np.asarray(lab, np.float32), floor)
+    lab = cv2.cvtColor(np.divide(small, np.float32(255.0), order="C"), cv2.COLOR_RGB2LAB)
+    floor = _low(points[..., 1][kept > 0])
+    return Surface(step, kept, points, _normals(points, kept, _REACH), np.asarray(lab, np.float32), floor)
 
 
 def to_full_size(labels: npt.NDArray[np.int32], step: int, height: int, width: int) -> npt.NDArray[np.int32]:
