@@ -1,7 +1,13 @@
 """Segmenters and encoders: which pixels are one thing, and what does a thing look like in the space of words.
 
-``make_segmenter`` and ``make_encoder`` turn a spec into one: ``embedded`` works from pixels, offline; ``oracle`` is told by the
-renderer and is for analysis only. Their modules are imported when asked for, because torch takes seconds.
+``make_segmenter``, ``make_encoder`` and, for both at once, ``make_perception`` turn specs into them:
+
+- ``embedded`` works from pixels, offline;
+- ``sam:``, ``yolo:`` (segmenters), ``clip-onnx:``, ``openclip:`` (encoders) run models of the user's;
+- ``precomputed:<folder>`` reads what was computed elsewhere (``stored_frames`` has the format);
+- ``oracle`` is told by the renderer and is for analysis only; ``oracle:split=.1,features=.3`` is told wrongly (``OracleNoise``).
+
+Their modules are imported when asked for, because torch takes seconds.
 """
 
 from __future__ import annotations
@@ -12,51 +18,83 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
-from openmap_agents.perception.protocol import Encoder, Masks, Segmenter
+from openmap_agents.perception.protocol import Calibration, Encoder, Masks, Segmenter
+from openmap_agents.perception.specs import (
+    ENCODERS,
+    SEGMENTERS,
+    is_oracle,
+    read_encoder_spec,
+    read_segmenter_spec,
+    resolve,
+)
 
 if TYPE_CHECKING:
+    from openmap_agents.perception.precomputed import TextTower
     from openmap_agents.perception.text import TextEncoder
 
-SPECS = ("embedded", "oracle")
+Semantic = Callable[[], npt.NDArray[np.int32]]
 
-__all__ = ["SPECS", "Encoder", "Masks", "Segmenter", "make_encoder", "make_segmenter"]
+__all__ = [
+    "ENCODERS",
+    "SEGMENTERS",
+    "Calibration",
+    "Encoder",
+    "Masks",
+    "Segmenter",
+    "is_oracle",
+    "make_encoder",
+    "make_perception",
+    "make_segmenter",
+    "make_text_tower",
+    "read_encoder_spec",
+    "read_segmenter_spec",
+    "resolve",
+]
 
 
-def _check(spec: str, what: str) -> None:
-    if spec not in SPECS:
-        raise ValueError(f"{what} spec is {spec!r}, expected one of {', '.join(map(repr, SPECS))}")
-
-
-def make_segmenter(spec: str = "embedded", *, semantic: Callable[[], npt.NDArray[np.int32]] | None = None) -> Segmenter:
+def make_segmenter(spec: str = "embedded", *, semantic: Semantic | None = None) -> Segmenter:
     """A segmenter.
 
     Parameters
     ----------
-    spec : {"embedded", "oracle"}
+    spec : str
+        One of ``SEGMENTERS``.
     semantic : () -> (H, W) int32, for "oracle"
         Instance ids of the current picture.
 
     Raises
     ------
     ValueError
-        Unknown spec, or "oracle" without ``semantic``.
+        Not a spec, or "oracle" without ``semantic``. DataError: what it names cannot be used.
     """
-    _check(spec, "segmenter")
-    if spec == "embedded":
-        from openmap_agents.perception.segmenter import EmbeddedSegmenter
+    read = read_segmenter_spec(spec)
+    if read.family == "sam":
+        from openmap_agents.perception.onnx.sam import SamSegmenter
 
-        return EmbeddedSegmenter()
-    from openmap_agents.perception.oracle import OracleSegmenter
+        return SamSegmenter(read.rest)
+    if read.family == "yolo":
+        from openmap_agents.perception.onnx.yolo import YoloSegmenter
 
-    if semantic is None:
-        raise ValueError("segmenter 'oracle' has no semantic, expected a function that returns the picture's ids")
-    return OracleSegmenter(semantic)
+        return YoloSegmenter(read.rest)
+    if read.family == "precomputed":
+        from openmap_agents.perception.precomputed import PrecomputedSegmenter
+
+        return PrecomputedSegmenter(read.rest, read.frames)
+    if read.family == "oracle":
+        from openmap_agents.perception.oracle import OracleSegmenter
+
+        if semantic is None:
+            raise ValueError("segmenter 'oracle' has no semantic, expected a function that returns the picture's ids")
+        return OracleSegmenter(semantic, read.noise)
+    from openmap_agents.perception.segmenter import EmbeddedSegmenter
+
+    return EmbeddedSegmenter()
 
 
 def make_encoder(
     spec: str = "embedded",
     *,
-    semantic: Callable[[], npt.NDArray[np.int32]] | None = None,
+    semantic: Semantic | None = None,
     categories: Mapping[int, str] | None = None,
     text: TextEncoder | None = None,
 ) -> Encoder:
@@ -64,24 +102,70 @@ def make_encoder(
 
     Parameters
     ----------
-    spec : {"embedded", "oracle"}
+    spec : str
+        One of ``ENCODERS``.
     semantic, categories : for "oracle"
         Instance ids of the current picture; id -> the words for it.
     text : TextEncoder, optional
-        To share one that is loaded already.
+        To share one that is loaded already, where the encoder needs it.
 
     Raises
     ------
     ValueError
-        Unknown spec, or "oracle" without ``semantic`` and ``categories``.
+        Not a spec, or "oracle" without ``semantic`` and ``categories``. DataError: what it names cannot be used.
     """
-    _check(spec, "encoder")
-    if spec == "embedded":
-        from openmap_agents.perception.encoder import EmbeddedEncoder
+    read = read_encoder_spec(spec)
+    if read.family == "clip-onnx":
+        from openmap_agents.perception.onnx.clip import OnnxClipEncoder
 
-        return EmbeddedEncoder(text)
-    from openmap_agents.perception.oracle import OracleEncoder
+        return OnnxClipEncoder(read.rest)
+    if read.family == "openclip":
+        from openmap_agents.perception.openclip import OpenClipEncoder
 
-    if semantic is None or categories is None:
-        raise ValueError("encoder 'oracle' lacks semantic or categories, expected a function and a mapping id -> words")
-    return OracleEncoder(semantic, categories, text)
+        return OpenClipEncoder(read.rest)
+    if read.family == "precomputed":
+        from openmap_agents.perception.precomputed import PrecomputedEncoder
+
+        return PrecomputedEncoder(read.rest, make_text_tower(spec, text=text), read.frames)
+    if read.family == "oracle":
+        from openmap_agents.perception.oracle import OracleEncoder
+
+        if semantic is None or categories is None:
+            raise ValueError(
+                "encoder 'oracle' lacks semantic or categories, expected a function and a mapping id -> words"
+            )
+        return OracleEncoder(semantic, categories, text, read.noise)
+    from openmap_agents.perception.encoder import EmbeddedEncoder
+
+    return EmbeddedEncoder(text)
+
+
+def make_text_tower(spec: str = "embedded", *, text: TextEncoder | None = None) -> TextTower:
+    """The half of an encoder that takes words, for asking a map that it made; needs no ids and no precomputed folder.
+
+    Parameters and errors as for ``make_encoder``.
+    """
+    read = read_encoder_spec(spec, paths=False)
+    if read.family not in ("oracle", "precomputed") or read.text_spec:
+        return make_encoder(read.text_spec or spec, text=text)
+    from openmap_agents.perception.text import TextEncoder
+
+    return text or TextEncoder()
+
+
+def make_perception(
+    segmenter: str = "embedded",
+    encoder: str = "embedded",
+    *,
+    semantic: Semantic | None = None,
+    categories: Mapping[int, str] | None = None,
+    text: TextEncoder | None = None,
+) -> tuple[Segmenter, Encoder]:
+    """A segmenter and an encoder that look at the same pictures, and may share what both need.
+
+    Parameters and errors as for ``make_segmenter`` and ``make_encoder``.
+    """
+    return (
+        make_segmenter(segmenter, semantic=semantic),
+        make_encoder(encoder, semantic=semantic, categories=categories, text=text),
+    )

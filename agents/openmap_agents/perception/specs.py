@@ -1,0 +1,132 @@
+"""The specs by which segmenters and encoders are asked for, read and checked without importing what they name.
+
+``<family>`` or ``<family>:<what of it>``: a model's file or folder, a noise setting, a folder of precomputed frames.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from openmap_agents.perception.oracle import OracleNoise
+from openmap_agents.perception.stored_frames import ORDERS, Order
+from openmap_scenes import DataError
+
+_BOTH = ("embedded", "oracle", "oracle:<noise>")
+SEGMENTERS = (*_BOTH, "sam:<folder or encoder.onnx>", "yolo:<model.onnx>", "precomputed:<folder>")
+ENCODERS = (*_BOTH, "clip-onnx:<folder>", "openclip:<architecture>/<tag>", "precomputed:<folder>")
+_MINILM = "all-MiniLM-L6-v2"
+
+
+@dataclass(frozen=True)
+class Spec:
+    """A spec, taken apart.
+
+    Parameters
+    ----------
+    text : str
+        As it was given.
+    family : str
+    rest : str
+        What follows the colon; of "precomputed" the folder alone.
+    text_spec : str
+        Of "precomputed": the encoder whose text tower is meant, "" for MiniLM.
+    frames : {"picture", "order"}
+        Of "precomputed": how files are found.
+    """
+
+    text: str
+    family: str
+    rest: str = ""
+    text_spec: str = ""
+    frames: Order = "picture"
+
+    @property
+    def noise(self) -> OracleNoise:
+        """Of "oracle"."""
+        return OracleNoise.parse(self.rest)
+
+    @property
+    def text_space(self) -> str:
+        """Name of the space that the encoder puts words into: those of one space can read each other's maps."""
+        if self.family == "oracle":
+            return _MINILM
+        if self.family == "precomputed":
+            return read_encoder_spec(self.text_spec).text_space if self.text_spec else _MINILM
+        return self.text
+
+
+def read_segmenter_spec(spec: str) -> Spec:
+    """A segmenter's spec; ValueError, or DataError for a path where nothing is, if it cannot be one."""
+    return _read(spec, "segmenter", SEGMENTERS)
+
+
+def read_encoder_spec(spec: str, paths: bool = True) -> Spec:
+    """An encoder's spec; ValueError, or DataError for a path where nothing is, if it cannot be one.
+
+    Without ``paths`` a precomputed folder need not be there.
+    """
+    return _read(spec, "encoder", ENCODERS, paths)
+
+
+def resolve(perception: str = "embedded", segmenter: str | None = None, encoder: str | None = None) -> tuple[str, str]:
+    """The specs of the segmenter and of the encoder; ``perception`` is for both, the others override it.
+
+    Raises
+    ------
+    ValueError
+        One of them is none; DataError for a path where nothing is.
+    """
+    chosen = segmenter or perception, encoder or perception
+    for spec, what, forms in ((chosen[0], "segmenter", SEGMENTERS), (chosen[1], "encoder", ENCODERS)):
+        if _family(spec) not in map(_family, forms) and _family(spec) in map(_family, SEGMENTERS + ENCODERS):
+            raise ValueError(f"{spec!r} is no {what}; expected --{what} with one of {', '.join(map(repr, forms))}")
+    read_segmenter_spec(chosen[0])
+    read_encoder_spec(chosen[1])
+    return chosen
+
+
+def is_oracle(spec: str) -> bool:
+    """Whether what a spec names is told instead of seeing."""
+    return _family(spec) == "oracle"
+
+
+def _family(spec: str) -> str:
+    return spec.partition(":")[0]
+
+
+def _read(spec: str, what: str, forms: tuple[str, ...], paths: bool = True) -> Spec:
+    family, colon, rest = spec.partition(":")
+    if not any(_family(form) == family and (bool(colon) == (":" in form)) for form in forms) or (colon and not rest):
+        raise ValueError(f"{what} spec is {spec!r}, expected one of {', '.join(map(repr, forms))}")
+    found = Spec(spec, family, rest)
+    if family == "oracle":
+        OracleNoise.parse(rest)
+    if family == "precomputed":
+        found = Spec(spec, family, *_options(rest, spec))
+    needed = ("sam", "yolo", "clip-onnx", "precomputed") if paths else ("sam", "yolo", "clip-onnx")
+    if family in needed and not Path(found.rest).exists():
+        raise DataError(found.rest, "nothing there", f"what {what} {spec!r} names")
+    return found
+
+
+def _options(rest: str, spec: str) -> tuple[Any, ...]:
+    """Folder, text spec and order of "folder?frames=order&text=<spec>"; a text spec goes to the end."""
+    folder, _, query = rest.partition("?")
+    values = {"text": "", "frames": "picture"}
+    while query:
+        key, _, value = query.partition("=")
+        if key == "text":
+            query = ""
+        else:
+            value, _, query = value.partition("&")
+        if key not in values or (key == "frames" and value not in ORDERS):
+            raise ValueError(
+                f"spec is {spec!r}, expected precomputed:<folder>, then perhaps ?frames=picture or ?frames=order, "
+                "and as the last option text=<encoder spec>"
+            )
+        values[key] = value
+    if values["text"] and read_encoder_spec(values["text"]).family in ("oracle", "precomputed"):
+        raise ValueError(f"spec is {spec!r}, expected text= an encoder that reads words by itself")
+    return folder, values["text"], values["frames"]
