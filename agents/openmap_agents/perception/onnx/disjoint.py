@@ -59,14 +59,15 @@ def disjoint(masks: Bools, scores: Floats, settings: DisjointSettings | None = N
     n, (height, width) = len(masks), masks.shape[1:]
     if len(scores) != n:
         raise ValueError(f"there are {len(scores)} scores, expected one for each of {n} masks")
+    if n == 0:
+        return Masks(np.zeros((height, width), np.int32), np.zeros(0, np.float32))
     scores = np.clip(np.nan_to_num(scores), 0, 1).astype(np.float32)
-    areas = masks.reshape(n, -1).sum(1) if n else np.zeros(0, np.int64)
+    areas = masks.reshape(n, -1).sum(1)
     # At least one pixel: no label is empty.
     needed = np.maximum(np.maximum(settings.min_area * height * width, settings.min_left * areas), 1)
     order = _painting_order(_nested(masks, areas, settings), scores)
-    owner = np.full((height, width), -1, np.int32)
-    while order:
-        owner[:] = -1
+    while True:
+        owner = np.full((height, width), -1, np.int32)
         for i in order:
             owner[masks[i]] = i
         left = np.bincount(owner[owner >= 0], minlength=n)
@@ -77,14 +78,13 @@ def disjoint(masks: Bools, scores: Floats, settings: DisjointSettings | None = N
     ranked = sorted(order, key=lambda i: (-scores[i], i))
     number = np.zeros(n + 1, np.int32)
     number[ranked] = np.arange(1, len(ranked) + 1)
-    labels = number[owner] if order else np.zeros((height, width), np.int32)
-    return Masks(labels, scores[ranked])
+    return Masks(number[owner], scores[ranked])
 
 
 def _nested(masks: Bools, areas: npt.NDArray[np.int64], settings: DisjointSettings) -> Bools:
     """(n, n): whether mask i is inside mask j."""
     bits = pack(masks)
-    both = np.array([np.bitwise_count(bits & row).sum(1, dtype=np.int64) for row in bits]).reshape(len(masks), -1)
+    both = np.array([np.bitwise_count(bits & row).sum(1, dtype=np.int64) for row in bits])
     inside = both >= settings.nested * areas[:, None]
     much_smaller = (areas[:, None] <= settings.smaller * areas[None, :]) & (areas[:, None] < areas[None, :])
     return np.asarray(inside & much_smaller & (both > 0))
