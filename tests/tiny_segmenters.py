@@ -92,7 +92,7 @@ class SamDecoder(nn.Module):
         picture = image_embeddings + dense
         context = torch.cat([prompt, picture.mean((2, 3)).expand(prompt.shape[0], -1)], -1)
         queries = self.mix(context).reshape(-1, 4, CHANNELS)
-        low = torch.einsum("nqc,mchw->nqhw", queries, self.grow(picture)) * 4
+        low = (queries[..., None, None] * self.grow(picture)[:, None]).sum(2) * 4
         return self.upscale(low, orig_im_size), torch.sigmoid(self.quality(context)), low
 
     def upscale(self, low: torch.Tensor, size: torch.Tensor) -> torch.Tensor:
@@ -113,6 +113,34 @@ class DiscDecoder(SamDecoder):
         low = (5 - torch.sqrt(dx**2 + dy**2))[:, None] * 100
         unused = (image_embeddings.sum() + mask_input.sum() + has_mask_input.sum() + orig_im_size.sum()) * 0
         return low, torch.full_like(low[..., 0, 0], 0.95) + point_labels.sum() * 0, low + unused
+
+
+class Sam2Encoder(nn.Module):
+    """(1, 3, 64, 64) -> features of three resolutions, in samexporter's order."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.patches = SamEncoder()
+        self.fine = nn.ModuleList([nn.Conv2d(3, 4, 4, 4), nn.Conv2d(3, 8, 8, 8)])
+
+    def forward(self, image: torch.Tensor) -> tuple[torch.Tensor, ...]:
+        return self.fine[0](image), self.fine[1](image), self.patches(image)
+
+
+class Sam2Decoder(nn.Module):
+    """Segment Anything 2's decoder interface: three masks of low resolution for each prompt."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.decoder = SamDecoder()
+
+    def forward(
+        self, image_embed, high_res_feats_0, high_res_feats_1, point_coords, point_labels, mask_input, has_mask_input
+    ):
+        size = torch.tensor([SIDE, SIDE])
+        _, ious, low = self.decoder(image_embed, point_coords, point_labels, mask_input, has_mask_input, size)
+        fine = functional.interpolate(high_res_feats_1, size=(LOW, LOW), mode="nearest").mean(1, keepdim=True)
+        return low[:, 1:] + high_res_feats_0.mean(1, keepdim=True) + fine, ious[:, 1:]
 
 
 SAM_INPUTS = ("image_embeddings", "point_coords", "point_labels", "mask_input", "has_mask_input", "orig_im_size")
@@ -143,6 +171,21 @@ def write_sam(folder: Path, decoder: nn.Module, *, raw: bool = False, free: bool
     axes = {"point_coords": (0, 1) if free else (1,), "point_labels": (0, 1) if free else (1,)}
     axes |= {"masks": (0, 2, 3), "iou_predictions": (0,), "low_res_masks": (0,)}
     export(decoder, sam_prompt(), folder / "decoder.onnx", SAM_INPUTS, SAM_OUTPUTS, axes)
+    return folder
+
+
+def write_sam2(folder: Path) -> Path:
+    """An export of Segment Anything 2."""
+    folder.mkdir(exist_ok=True)
+    features = ("high_res_feats_0", "high_res_feats_1", "image_embed")
+    encoder, picture = model(Sam2Encoder), torch.zeros(1, 3, SIDE, SIDE)
+    export(encoder, [picture], folder / "sam2.encoder.onnx", ["image"], features)
+    with torch.no_grad():
+        fine, middle, coarse = encoder(picture)
+    example = (coarse, fine, middle, *sam_prompt(2)[1:3], torch.zeros(2, 1, LOW, LOW), torch.zeros(1))
+    names = ["image_embed", "high_res_feats_0", "high_res_feats_1", *SAM_INPUTS[1:5]]
+    axes = {"point_coords": (0, 1), "point_labels": (0, 1), "mask_input": (0,), "masks": (0,), "iou_predictions": (0,)}
+    export(model(Sam2Decoder), example, folder / "sam2.decoder.onnx", names, SAM_OUTPUTS[:2], axes)
     return folder
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -48,6 +50,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     tiny.write_sam(root / "sam", decoder)
     tiny.write_sam(root / "raw", decoder, raw=True, free=False)
     tiny.write_sam(root / "discs", tiny.model(tiny.DiscDecoder))
+    tiny.write_sam2(root / "sam2")
     tiny.write_transformers(root / "transformers")
     tiny.write_efficient(root / "efficient")
     tiny.write_yolo(root / "yolo.onnx", tiny.model(tiny.Yolo))
@@ -147,6 +150,27 @@ def test_sam_with_preprocessing_inside_equals_the_one_without(folder: Path) -> N
         np.testing.assert_allclose(x, y, **CLOSE)
 
 
+def test_sam2_equals_torch_from_picture_to_masks(folder: Path) -> None:
+    model = SamSegmenter(folder / "sam2", EVERYTHING).model
+    rgb, points = picture(), point_grid(3, SIZE)
+    [embedding] = model.encode([rgb])
+    logits, ious = model.decode(embedding, points, SIZE)
+    full = np.stack([model.frame(SIZE).to_picture(one) for one in logits])
+    square = np.asarray(Image.fromarray(rgb).resize((64, 64), Image.Resampling.BILINEAR))
+    with torch.no_grad():
+        image = torch.tensor(plain_preprocessing(square)[None], dtype=torch.float32)
+        fine, middle, coarse = tiny.model(tiny.Sam2Encoder)(image)
+        coords = torch.zeros(len(points), 2, 2)
+        coords[:, 0] = torch.tensor(points * np.array([64 / 120, 64 / 90]))
+        _, _, labels, mask, has, _ = tiny.sam_prompt(len(points))
+        masks, quality = tiny.model(tiny.Sam2Decoder)(coarse, fine, middle, coords, labels, mask, has)
+        expected = functional.interpolate(masks, (64, 64), mode="bilinear", align_corners=False)
+        expected = functional.interpolate(expected, SIZE, mode="bilinear", align_corners=False)
+    np.testing.assert_allclose(logits, masks, **CLOSE)
+    np.testing.assert_allclose(ious, quality, **CLOSE)
+    np.testing.assert_allclose(full, expected, **CLOSE)
+
+
 def test_transformers_sam_equals_torch(folder: Path) -> None:
     model = SamSegmenter(folder / "transformers", EVERYTHING).model
     rgb, points = picture(), point_grid(3, SIZE)
@@ -189,6 +213,16 @@ def test_yolo_equals_torch(folder: Path, name: str, network: tuple[int, int]) ->
     np.testing.assert_allclose(outputs["output1"], prototypes, **CLOSE)
 
 
+def test_a_float16_export_is_read_as_the_float32_one(folder: Path, tmp_path: Path) -> None:
+    path, example = tmp_path / "half.onnx", torch.zeros(1, 3, tiny.SIDE, tiny.SIDE, dtype=torch.float16)
+    tiny.export(tiny.model(tiny.Yolo).half(), [example], path, ["images"], ["output0", "output1"])
+    images = yolo.letterbox(picture(), (64, 64))[0][None]
+    half, single = (YoloSegmenter(p, YOLO).model.run(images=images) for p in (path, folder / "yolo.onnx"))
+    for name, array in half.items():
+        assert array.dtype == np.float32
+        np.testing.assert_allclose(array, single[name], atol=0.02 * np.abs(single[name]).max())
+
+
 @pytest.mark.parametrize("size", [(90, 120), (120, 90), (33, 70)])
 def test_assembled_masks_are_those_of_torch(size: tuple[int, int]) -> None:
     rng = np.random.default_rng(0)
@@ -211,6 +245,14 @@ def test_assembled_masks_are_those_of_torch(size: tuple[int, int]) -> None:
         sure = np.abs(logit) > 1e-3
         assert inside.any()
         np.testing.assert_array_equal(mask[sure], ((logit > 0) & inside)[sure])
+
+
+def test_segmenting_needs_no_torch() -> None:
+    code = (
+        "import sys; import openmap_agents.perception.onnx.sam, openmap_agents.perception.onnx.yolo; "
+        "sys.exit('torch' in sys.modules)"
+    )
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
 # Geometry
@@ -358,6 +400,18 @@ def test_a_cushion_stays_in_the_sofa_and_a_second_try_goes() -> None:
     np.testing.assert_array_equal(masks.labels, np.where(cushion, 2, sofa))
 
 
+def test_the_pixels_of_a_proposal_given_up_go_to_the_next_in_line() -> None:
+    best, middle, worst = np.zeros((3, 10, 40), bool)
+    best[:, 0:19] = True
+    middle[:, 0:20] = True
+    worst[:, 8:24] = True
+    masks = disjoint(np.stack([best, middle, worst]), np.array([0.9, 0.8, 0.7]), ANY_AREA)
+    np.testing.assert_allclose(masks.scores, [0.9, 0.7])
+    np.testing.assert_array_equal(masks.labels[0], [1] * 19 + [2] * 5 + [0] * 16)
+    larger = DisjointSettings(min_area=51 / 400)
+    np.testing.assert_allclose(disjoint(np.stack([best, worst]), np.array([0.9, 0.7]), larger).scores, [0.9])
+
+
 def rectangles(rng: np.random.Generator, n: int, size: tuple[int, int]) -> np.ndarray:
     masks = np.zeros((n, *size), bool)
     for mask in masks:
@@ -376,7 +430,7 @@ def test_packing_keeps_masks_and_boxes_hold_them() -> None:
 # As segmenters
 
 
-@pytest.mark.parametrize("name", ["sam", "raw", "transformers", "efficient", "yolo.onnx", "yolo-free.onnx"])
+@pytest.mark.parametrize("name", ["sam", "raw", "sam2", "transformers", "efficient", "yolo.onnx", "yolo-free.onnx"])
 def test_the_same_picture_gives_the_same_disjoint_masks(folder: Path, name: str) -> None:
     def make() -> SamSegmenter | YoloSegmenter:
         return YoloSegmenter(folder / name, YOLO) if "yolo" in name else SamSegmenter(folder / name, EVERYTHING)
@@ -388,7 +442,7 @@ def test_the_same_picture_gives_the_same_disjoint_masks(folder: Path, name: str)
     assert first.scores.tobytes() == second.scores.tobytes()
 
 
-@pytest.mark.parametrize("name", ["sam", "raw", "transformers", "efficient", "yolo.onnx", "yolo-free.onnx"])
+@pytest.mark.parametrize("name", ["sam", "raw", "sam2", "transformers", "efficient", "yolo.onnx", "yolo-free.onnx"])
 def test_pictures_together_give_the_masks_of_pictures_alone(folder: Path, name: str) -> None:
     segmenter = YoloSegmenter(folder / name, YOLO) if "yolo" in name else SamSegmenter(folder / name, EVERYTHING)
     pictures = [picture(0), picture(1), picture(2, (64, 80)), picture(3)]

@@ -40,8 +40,8 @@ def disjoint(masks: Bools, scores: Floats, settings: DisjointSettings | None = N
     """Disjoint masks of proposals that may overlap.
 
     The rule: where proposals overlap, the one inside the other has the pixel (a cushion is not lost in the sofa, which keeps the
-    rest); where neither is inside the other, the better score has it, at equal scores the one that comes first. A proposal that
-    is left with too little is given up, and its pixels go to the next in line.
+    rest); where neither is inside the other, the better score has it, at equal scores the one that comes first. A proposal to
+    which that leaves too little is given up, and its pixels go to the next in line.
 
     Parameters
     ----------
@@ -65,17 +65,15 @@ def disjoint(masks: Bools, scores: Floats, settings: DisjointSettings | None = N
     areas = masks.reshape(n, -1).sum(1)
     # At least one pixel: no label is empty.
     needed = np.maximum(np.maximum(settings.min_area * height * width, settings.min_left * areas), 1)
-    order = _painting_order(_nested(masks, areas, settings), scores)
-    while True:
-        owner = np.full((height, width), -1, np.int32)
-        for i in order:
-            owner[masks[i]] = i
-        left = np.bincount(owner[owner >= 0], minlength=n)
-        kept = [i for i in order if left[i] >= needed[i]]
-        if len(kept) == len(order):
-            break
-        order = kept
-    ranked = sorted(order, key=lambda i: (-scores[i], i))
+    owner, taken = np.full((height, width), n, np.int32), np.zeros((height, width), bool)
+    chosen = []
+    for i in _order(_nested(masks, areas, settings), scores):
+        free = masks[i] & ~taken
+        if free.sum() >= needed[i]:
+            owner[free] = i
+            taken |= masks[i]
+            chosen.append(i)
+    ranked = sorted(chosen, key=lambda i: (-scores[i], i))
     number = np.zeros(n + 1, np.int32)
     number[ranked] = np.arange(1, len(ranked) + 1)
     return Masks(number[owner], scores[ranked])
@@ -90,20 +88,20 @@ def _nested(masks: Bools, areas: npt.NDArray[np.int64], settings: DisjointSettin
     return np.asarray(inside & much_smaller & (both > 0))
 
 
-def _painting_order(nested: Bools, scores: Floats) -> list[int]:
-    """Worst score first, but what is inside something after it; later paints over earlier.
+def _order(nested: Bools, scores: Floats) -> list[int]:
+    """Who is served before whom: what is inside before what it is inside of, and else the better score.
 
-    It exists, for what is inside is smaller, so that nobody is inside itself by way of others.
+    Found from the end: the worst of those that nobody left holds is served last. There always is one, for what is inside is
+    smaller, so that nobody is inside itself by way of others.
     """
-    containers = nested.sum(1)
-    todo, order = list(range(len(scores))), []
+    holders = nested.sum(1)
+    todo, backwards = list(range(len(scores))), []
     while todo:
-        ready = [i for i in todo if containers[i] == 0]
-        first = min(ready, key=lambda i: (scores[i], -i))
-        order.append(first)
-        todo.remove(first)
-        containers = containers - nested[:, first]
-    return order
+        last = min((i for i in todo if holders[i] == 0), key=lambda i: (scores[i], -i))
+        backwards.append(last)
+        todo.remove(last)
+        holders = holders - nested[:, last]
+    return backwards[::-1]
 
 
 def pack(masks: Bools) -> npt.NDArray[np.uint64]:

@@ -22,6 +22,9 @@ from openmap_scenes import DataError, PinholeCamera
 
 Floats = npt.NDArray[np.float32]
 
+AT_ONCE = 32
+"""Masks whose logits are held at the picture's size at a time."""
+
 
 @dataclass(frozen=True)
 class SamSettings:
@@ -117,11 +120,20 @@ class SamSegmenter:
             points = np.concatenate([points, np.repeat(points[-1:], fixed - n, axis=0)])
         logits, ious = self.model.decode(embedding, points, size)
         flat, scores = logits[:n].reshape(-1, *logits.shape[2:]), ious[:n].ravel()
-        good = scores >= self.settings.min_iou
-        logits, scores = self.model.frame(size).to_picture(flat[good]), scores[good]
-        steady = stability(logits, self.settings.stability_offset) >= self.settings.min_stability
-        masks = logits[steady] > 0
-        return pack(masks), boxes_of(masks), scores[steady]
+        good = np.flatnonzero(scores >= self.settings.min_iou)
+        # Some at a time: in full, a batch of points has hundreds of MiB of logits.
+        parts = [self._steady(flat, scores, good[i : i + AT_ONCE], size) for i in range(0, max(len(good), 1), AT_ONCE)]
+        bits, boxes, kept = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+        return bits, boxes, kept
+
+    def _steady(
+        self, logits: Floats, scores: Floats, which: npt.NDArray[np.int64], size: tuple[int, int]
+    ) -> tuple[npt.NDArray[np.uint64], Floats, Floats]:
+        """Those of the masks ``which`` that hardly change with the threshold."""
+        full = self.model.frame(size).to_picture(logits[which])
+        steady = stability(full, self.settings.stability_offset) >= self.settings.min_stability
+        masks = full[steady] > 0
+        return pack(masks), boxes_of(masks), scores[which][steady]
 
 
 def point_grid(n: int, size: tuple[int, int]) -> Floats:

@@ -1,12 +1,14 @@
 """The encoder and the decoder of a SAM-family export, whatever its layout.
 
-Three layouts are known, told apart by the decoder's inputs:
+Four layouts are known, told apart by the decoder's inputs:
 
 ========================  ==============================================================================================
 Segment Anything          The repository's own export, and MobileSAM's. Encoder: a normalised, padded picture (1, 3, S, S), or,
                           where these steps were exported with it, the scaled picture (h, w, 3) 0..255.
                           Decoder: image_embeddings, point_coords, point_labels, mask_input, has_mask_input, orig_im_size ->
                           masks, iou_predictions, low_res_masks.
+Segment Anything 2        The export of ``samexporter``: the same with high_res_feats_0 and high_res_feats_1 from the encoder to the
+                          decoder, and masks that may be of low resolution. The picture is stretched to S x S.
 transformers              ``optimum``'s split export: vision_encoder (pixel_values -> image_embeddings,
                           image_positional_embeddings), prompt_encoder_mask_decoder (input_points, input_labels and both
                           embeddings -> iou_scores, pred_masks).
@@ -14,8 +16,9 @@ EfficientSAM              Encoder: the picture (1, 3, H, W) 0..1 at its own size
                           batched_point_coords, batched_point_labels, orig_im_size -> output_masks, iou_predictions.
 ========================  ==============================================================================================
 
-The first two scale the picture's long side to S (1024), subtract ImageNet's mean, divide by its deviation, and pad with zeros at
-the right and the bottom; points are scaled the same way (Kirillov et al., ICCV 2023, and its repository's ``ResizeLongestSide``).
+The first and the third scale the picture's long side to S (1024), subtract ImageNet's mean, divide by its deviation, and pad with
+zeros at the right and the bottom; points are scaled the same way (Kirillov et al., ICCV 2023, and its repository's
+``ResizeLongestSide``).
 """
 
 from __future__ import annotations
@@ -92,6 +95,8 @@ def open_sam(encoder: Path, decoder: Path, *, size: int, threads: int) -> SamMod
         model: _Sam | _EfficientSam = _TransformersSam(eyes, hands, size)
     elif hands.has("batched_point_coords"):
         model = _EfficientSam(eyes, hands)
+    elif hands.has("high_res_feats_0"):
+        model = _Sam2(eyes, hands, size)
     else:
         model = _Sam(eyes, hands, size)
     _check_fit(model.encoder, model.decoder)
@@ -127,6 +132,7 @@ def normalised(rgb: npt.NDArray[np.uint8], frame: Frame) -> npt.NDArray[np.float
 class _Sam:
     """Segment Anything's own layout."""
 
+    logits = "low_res_masks"
     decoder_inputs: ClassVar[dict[str, Port]] = {
         "image_embeddings": Port(4, ("image_embedding",)),
         "point_coords": Port(3),
@@ -179,19 +185,36 @@ class _Sam:
         grid = embedding["image_embeddings"].shape[2]
         side = self.decoder.axis("mask_input", 2) or 4 * grid
         outputs = self.decoder.run(
-            image_embeddings=embedding["image_embeddings"],
+            **embedding,
             point_coords=coords,
             point_labels=labels,
-            mask_input=np.zeros((1, 1, side, side), np.float32),
+            mask_input=np.zeros((self.decoder.axis("mask_input", 0) or n, 1, side, side), np.float32),
             has_mask_input=np.zeros(1, np.float32),
-            # Only the size of the output "masks" hangs on it, which is not used: many exports have the example picture's
-            # proportions frozen in it.
+            # Only the size of the output "masks" hangs on it, of which many exports have the example picture's proportions
+            # frozen in: the low resolution is taken instead.
             orig_im_size=np.maximum(1, np.array(self.frame(size).inner) * side // self.side),
         )
-        logits, ious = outputs["low_res_masks"], outputs["iou_predictions"]
+        logits, ious = outputs[self.logits], outputs["iou_predictions"]
         # Of four masks the first is the one for several points; the other three are a point's whole, part and subpart.
         first = 1 if logits.shape[1] == 4 else 0
         return logits[:, first:], ious[:, first:]
+
+
+class _Sam2(_Sam):
+    """Segment Anything 2's, with features of higher resolution, and without keeping the picture's proportions."""
+
+    _features: ClassVar[dict[str, Port]] = {
+        "image_embeddings": Port(4, ("image_embed",)),
+        "high_res_feats_0": Port(4),
+        "high_res_feats_1": Port(4),
+    }
+    logits = "masks"
+    decoder_inputs: ClassVar[dict[str, Port]] = {**_Sam.decoder_inputs, **_features}
+    decoder_outputs: ClassVar[dict[str, Port]] = {"iou_predictions": Port(2), "masks": Port(4)}
+    encoder_outputs: ClassVar[dict[str, Port]] = _features
+
+    def frame(self, size: tuple[int, int]) -> Frame:
+        return Frame(size, (self.side, self.side), (self.side, self.side))
 
 
 class _TransformersSam(_Sam):

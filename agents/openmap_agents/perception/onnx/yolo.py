@@ -214,5 +214,5 @@ def _literal(text: str | None) -> object:
     """A list, number or dict that the exporter wrote as Python text; None for anything else."""
     try:
         return ast.literal_eval(text) if text else None
-    except (ValueError, SyntaxError):
+    except (ValueError, TypeError, SyntaxError, MemoryError, RecursionError):  # all that literal_eval is said to raise
         return None
