@@ -1,4 +1,4 @@
-"""The command line: ``openmap eval | demo | query | scenes | episodes | bench``."""
+"""The command line: ``openmap eval | eval perception | demo | query | scenes | episodes | bench``."""
 
 from __future__ import annotations
 
@@ -13,13 +13,15 @@ from rich.console import Console
 
 from openmap_eval.bench import Benchmark
 from openmap_eval.episode_commands import EpisodeCommand
+from openmap_eval.perception.command import EvalPerception
 from openmap_eval.scene_commands import SceneCommand
 from openmap_scenes import DataError
 
 
 @dataclass(frozen=True)
 class Eval:
-    """Run an agent over episodes and score it; a run that was stopped goes on where it was."""
+    """Run an agent over episodes and score it; a run that was stopped goes on where it was. For masks and names by themselves:
+    ``openmap eval perception``."""
 
     out: Path
     """Folder for episodes.jsonl, summary.json, report.html, the map pictures and the maps. A second call with it resumes."""
@@ -124,6 +126,7 @@ class Bench:
 
 Command = (
     Annotated[Eval, tyro.conf.subcommand("eval")]
+    | Annotated[EvalPerception, tyro.conf.subcommand("eval perception")]
     | Annotated[Demo, tyro.conf.subcommand("demo")]
     | Annotated[Query, tyro.conf.subcommand("query")]
     | Annotated[Scenes, tyro.conf.subcommand("scenes")]
@@ -136,7 +139,10 @@ def main(arguments: list[str] | None = None) -> None:
     """Run the command line; bad input ends in one message and exit status 2, without a traceback."""
     logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s", stream=sys.stderr)
     console = Console()
-    command: Eval | Demo | Query | Scenes | Episodes | Bench = tyro.cli(
+    arguments = list(sys.argv[1:] if arguments is None else arguments)
+    if arguments[:2] == ["eval", "perception"]:  # a command of its own: ``eval`` has flags, and so no commands below it
+        arguments[:2] = ["eval perception"]
+    command: Eval | EvalPerception | Demo | Query | Scenes | Episodes | Bench = tyro.cli(
         Command, args=arguments, prog="openmap", description=__doc__
     )
     try:

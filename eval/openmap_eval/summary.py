@@ -5,11 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
-
+from openmap_eval.bootstrap import mean_figure
 from openmap_eval.records import EpisodeRecord
-
-RESAMPLES = 2000
 
 
 def summarise(records: Sequence[EpisodeRecord], seed: int = 0) -> dict[str, Any]:
@@ -49,11 +46,8 @@ def _means(records: Sequence[EpisodeRecord], seed: int) -> dict[str, Any]:
 
 def _mean_and_interval(values: Sequence[tuple[str, float]], seed: int) -> dict[str, float]:
     """Of (scene, value) pairs."""
-    numbers = np.array([value for _, value in values], np.float64)
     names = sorted({scene for scene, _ in values})
-    group = np.array([names.index(scene) for scene, _ in values]) if len(names) > 1 else np.arange(len(values))
-    sums, counts = np.bincount(group, weights=numbers), np.bincount(group)
-    picks = np.random.default_rng(seed).integers(len(sums), size=(RESAMPLES, len(sums)))
-    means = sums[picks].sum(1) / counts[picks].sum(1)
-    low, high = np.percentile(means, [2.5, 97.5])
-    return {"mean": float(numbers.mean()), "low": float(low), "high": float(high)}
+    units = [names.index(scene) for scene, _ in values] if len(names) > 1 else None
+    figure = mean_figure([value for _, value in values], units, seed)
+    assert figure is not None  # there are values
+    return {"mean": figure.value, "low": figure.low, "high": figure.high}

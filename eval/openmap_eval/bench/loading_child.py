@@ -11,11 +11,12 @@ import mmap
 import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+
+from openmap_eval.bench.memory import peak_mib
 
 
 def trimesh_alone(path: str) -> object:
@@ -77,20 +78,6 @@ def memory() -> dict[str, float]:
     full = psutil.Process().memory_full_info()
     pss = getattr(full, "pss", float("nan"))
     return {"rss_mib": full.rss / 2**20, "uss_mib": full.uss / 2**20, "pss_mib": pss / 2**20}
-
-
-def peak_mib() -> float:
-    """The most that was resident at once, MiB."""
-    try:
-        # Not ru_maxrss, which counts what the parent had when it started this process.
-        for line in Path("/proc/self/status").read_text(encoding="ascii", errors="replace").splitlines():
-            if line.startswith("VmHWM"):
-                return int(line.split()[1]) / 2**10
-    except OSError:
-        pass  # not Linux
-    import resource
-
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (2**20 if sys.platform == "darwin" else 2**10)
 
 
 def main() -> None:
