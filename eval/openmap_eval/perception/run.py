@@ -5,14 +5,14 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 from rich.console import Console
 from rich.progress import Progress
 
-from openmap_agents.perception import Encoder, is_oracle, make_perception, read_encoder_spec, resolve
+from openmap_agents.perception import Encoder, Segmenter, is_oracle, make_perception, read_encoder_spec, resolve
 from openmap_agents.perception.views import View, random_views
 from openmap_eval.bench.machine import describe_machine
 from openmap_eval.bench.memory import peak_mib
@@ -28,6 +28,9 @@ from openmap_eval.perception.page import write_page
 from openmap_eval.perception.tables import overview, rich_table, tables
 from openmap_eval.records import write_json
 from openmap_scenes import DataError, PinholeCamera, load_scene
+
+if TYPE_CHECKING:
+    from openmap_agents.perception.text import TextEncoder
 
 N_FRAMES = 12
 
@@ -118,7 +121,8 @@ class Run:
         self._told = any(map(is_oracle, specs))
         self._ids = np.zeros((0, 0), np.int32)
         self._known: dict[str, npt.NDArray[np.float32]] = {}
-        self._perception: Any = None
+        self._perception: tuple[Segmenter, Encoder] | None = None
+        self._text: TextEncoder | None = None
         self.clock = Clock()
         self.results: list[SceneResult] = []
         self.observed: list[Observed] = []
@@ -131,8 +135,7 @@ class Run:
         if not roles.things:
             raise DataError(spec, "no instance with a name", "a scene with semantics", "Take one of the catalogue's.")
         if self._perception is None or self._told:
-            categories = {i.id: i.category for i in scene.instances}
-            self._perception = make_perception(*self._specs, semantic=lambda: self._ids, categories=categories)
+            self._perception = self._make({i.id: i.category for i in scene.instances})
         segmenter, encoder = self._perception
         camera = PinholeCamera.from_hfov(command.width, command.height, command.hfov_deg)
         sensor_rng = np.random.default_rng([command.seed, 1])
@@ -156,10 +159,18 @@ class Run:
         calibration = getattr(encoder, "calibration", None)
         self.frames.extend(drawn_frames(observed, self._trained, self.encode, calibration))
 
+    def _make(self, categories: dict[int, str]) -> tuple[Segmenter, Encoder]:
+        if self._told and self._text is None:
+            from openmap_agents.perception.text import TextEncoder
+
+            self._text = TextEncoder()  # each scene has an oracle of its own; they share what reads words
+        return make_perception(*self._specs, semantic=lambda: self._ids, categories=categories, text=self._text)
+
     def encode(self, texts: list[str]) -> npt.NDArray[np.float32]:
         """Unit vectors (n, D) of words; each is encoded once."""
         new = [t for t in dict.fromkeys(texts) if t not in self._known]
         if new:
+            assert self._perception is not None  # words are asked of what was seen
             self._known.update(zip(new, self._perception[1].encode_text(new), strict=True))
         return np.stack([self._known[t] for t in texts])
 
