@@ -10,6 +10,7 @@ import gymnasium as gym
 import numpy as np
 
 from openmap_agents.agent import Agent
+from openmap_agents.perception import is_oracle, make_perception, resolve
 
 if TYPE_CHECKING:
     from openmap_agents.openmap_agent import OpenMapAgent, OpenMapAgentSettings
@@ -25,6 +26,8 @@ def make_agent(
     env: gym.Env[Any, Any],
     *,
     perception: str = "embedded",
+    segmenter: str | None = None,
+    encoder: str | None = None,
     llm: str = "builtin",
     protocol: Literal["retrieval", "navigation"] = "retrieval",
     seed: int = 0,
@@ -37,9 +40,10 @@ def make_agent(
     name : {"openmap", "random", "stand_still", "oracle"} or "ppo:<policy.safetensors>"
     env : gym.Env
         An ``OpenMapNavEnv``, wrapped or not. The openmap agent takes the camera, the sizes of the actions and the step limit
-        from it, and looks at nothing else of it unless ``perception`` is "oracle".
-    perception : {"embedded", "oracle"}
-        For openmap. With "oracle" the agent is for the scene at hand alone, and its figures are for analysis.
+        from it, and looks at nothing else of it unless the segmenter or the encoder is an oracle.
+    perception, segmenter, encoder : str
+        For openmap: ``openmap_agents.perception`` has the specs. The first is for both, the others override it. With an
+        oracle the agent is for the scene at hand alone, and its figures are for analysis.
     llm : str
         For openmap: a spec for ``openmap_agents.grounding.make_llm``.
     protocol : {"retrieval", "navigation"}
@@ -51,19 +55,20 @@ def make_agent(
     Raises
     ------
     ValueError
-        An argument is none of the above, or the policy's file cannot be used.
+        An argument is none of the above, or a file that one names cannot be used.
     """
     if name not in AGENTS and not name.startswith(LEARNED):
         raise ValueError(f"agent is {name!r}, expected one of {', '.join(AGENTS)}, or {LEARNED}<policy.safetensors>")
     if protocol not in ("retrieval", "navigation"):
         raise ValueError(f"protocol is {protocol!r}, expected retrieval or navigation")
+    seeing = resolve(perception, segmenter, encoder)
     if name.startswith(LEARNED):
         from openmap_agents.training import load
 
         return load(name.removeprefix(LEARNED), seed)
     rng = np.random.default_rng(seed)
     if name == "openmap":
-        return _openmap(_bare(env), perception, llm, protocol, rng, settings)
+        return _openmap(_bare(env), seeing, llm, protocol, rng, settings)
     from openmap_agents.baselines import OracleAgent, RandomAgent, StandStillAgent
 
     if name == "oracle":
@@ -82,7 +87,7 @@ def _bare(env: gym.Env[Any, Any]) -> OpenMapNavEnv:
 
 def _openmap(
     env: OpenMapNavEnv,
-    perception: str,
+    seeing: tuple[str, str],
     llm: str,
     protocol: Literal["retrieval", "navigation"],
     rng: np.random.Generator,
@@ -90,17 +95,14 @@ def _openmap(
 ) -> OpenMapAgent:
     from openmap_agents.grounding import Grounder
     from openmap_agents.openmap_agent import OpenMapAgent, OpenMapAgentSettings, with_budget
-    from openmap_agents.perception import make_encoder, make_segmenter
 
     simulator = env.simulator
     told: dict[str, Any] = {}
-    if perception == "oracle":
+    if any(map(is_oracle, seeing)):
         # The simulator keeps the frame of its pose, so these are the ids of the very picture that the agent is given.
         told = {"semantic": lambda: env.simulator.observe().instance}
-    segmenter = make_segmenter(perception, **told)
-    if told:
         told["categories"] = {i.id: i.category for i in simulator.scene.instances}
-    encoder = make_encoder(perception, **told)
+    segmenter, encoder = make_perception(*seeing, **told)
     settings = settings or OpenMapAgentSettings()
     walker = replace(
         settings.explorer.walker,
@@ -111,4 +113,4 @@ def _openmap(
     planner = replace(walker.planner, body_radius=simulator.body.radius)
     explorer = replace(settings.explorer, walker=replace(walker, planner=planner))
     settings = with_budget(replace(settings, protocol=protocol, explorer=explorer), env.max_steps)
-    return OpenMapAgent(env.camera, segmenter, encoder, Grounder(llm, encoder=encoder), settings, rng)
+    return OpenMapAgent(env.camera, segmenter, encoder, Grounder(llm, encoder=encoder), settings, rng, seeing)

@@ -25,6 +25,7 @@ from openmap_agents.grounding.scoring import MapView
 from openmap_agents.grounding.text_space import TextSpace
 from openmap_agents.mapping import InstanceMap, MapInstance, MappingSettings, OpenMapper
 from openmap_agents.perception import Encoder, Masks, Segmenter
+from openmap_agents.perception.specs import check_feature_length, check_text_space
 from openmap_env.actions import Action
 from openmap_scenes import PinholeCamera
 
@@ -62,6 +63,8 @@ class OpenMapAgent:
     settings : OpenMapAgentSettings or None
     rng : np.random.Generator or None
         None = seed 0.
+    made_by : (str, str)
+        Specs of the segmenter and of the encoder, which are kept with the map; "" = not known.
 
     Attributes
     ----------
@@ -79,9 +82,11 @@ class OpenMapAgent:
         grounder: Grounder,
         settings: OpenMapAgentSettings | None = None,
         rng: np.random.Generator | None = None,
+        made_by: tuple[str, str] = ("", ""),
     ) -> None:
         self.camera, self.segmenter, self.encoder, self.grounder = camera, segmenter, encoder, grounder
         self.settings = settings or OpenMapAgentSettings()
+        self._made_by = made_by
         self._seed = int((rng if rng is not None else np.random.default_rng(0)).integers(2**32))
         self._frame: str | None = None
         self._names: tuple[TextSpace, Any] | None = None
@@ -167,7 +172,8 @@ class OpenMapAgent:
             self._names = TextSpace(self.encoder), load_lexicon()
         labels = MapView(instance_map, *self._names).labels
         names = {i.id: label for i, label in zip(instance_map, labels, strict=True)}
-        self._final = instance_map.with_labels(names)
+        segmenter, encoder = self._made_by
+        self._final = replace(instance_map.with_labels(names), segmenter=segmenter, encoder=encoder)
         self._grounding = None
         return self._final
 
@@ -176,8 +182,16 @@ class OpenMapAgent:
         (self._final or self.finish_map()).save(path)
 
     def load(self, path: str | Path, episode_frame: str) -> None:
-        """Take a saved map for that of an episode frame, in which the agent then answers without exploring."""
+        """Take a saved map for that of an episode frame, in which the agent then answers without exploring.
+
+        Raises
+        ------
+        DataError
+            The map cannot be read, or another encoder made its features.
+        """
         instance_map = InstanceMap.load(path)
+        check_text_space(path, instance_map.encoder, self._made_by[1])
+        check_feature_length(path, instance_map.feature_lengths, self.encoder.dim)
         self._frame = episode_frame
         self._forget()
         self._final = instance_map

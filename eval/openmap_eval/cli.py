@@ -37,7 +37,13 @@ class Eval:
     agent: str = "openmap"
     """openmap, random, stand_still, oracle, or ppo:<policy.safetensors> for what openmap_agents.training learned."""
     perception: str = "embedded"
-    """embedded (from pixels) or oracle (the renderer's ids and names; for analysis only)."""
+    """Segmenter and encoder: embedded (from pixels), precomputed:<folder>, or oracle (the renderer's ids and names, right or
+    with noise: oracle:split=.1,merge=.05,drop=.1,boundary=2,features=.3,names=.1,seed=0; for analysis only)."""
+    segmenter: str | None = None
+    """Instead of --perception's: any of those, sam:<folder or encoder.onnx>, or yolo:<model.onnx>."""
+    encoder: str | None = None
+    """Instead of --perception's: any of those, clip-onnx:<folder>, or openclip:<architecture>/<tag>. Features from disk may
+    need the words of the model that made them: precomputed:<folder>?text=clip-onnx:<folder>."""
     llm: str = "builtin"
     """builtin, or openai:<model>@<base url> for any OpenAI-compatible endpoint."""
     protocol: Literal["retrieval", "navigation"] = "retrieval"
@@ -86,6 +92,8 @@ class Query:
     instruction: tyro.conf.Positional[str]
     top: int = 5
     """How many answers to list."""
+    encoder: str | None = None
+    """What reads the words, as for an evaluation; the one that made the map's features, unless given."""
     llm: str = "builtin"
 
     def run(self, console: Console) -> None:

@@ -12,8 +12,8 @@ from rich.table import Table
 from openmap_eval.console import ProgressBars, print_answers, print_summary
 from openmap_eval.gallery import Gallery
 from openmap_eval.records import RecordFile
-from openmap_eval.report import write_report
-from openmap_eval.runner import EvalSettings, SceneTask, evaluate
+from openmap_eval.report import ORACLE, oracle_note, write_report
+from openmap_eval.runner import EvalSettings, SceneTask, described, evaluate
 from openmap_eval.video import WalkVideo
 from openmap_scenes import DataError
 
@@ -26,6 +26,8 @@ def run_eval(command: Eval, console: Console) -> None:
     settings = EvalSettings(
         agent=command.agent,
         perception=command.perception,
+        segmenter=command.segmenter,
+        encoder=command.encoder,
         llm=command.llm,
         protocol=command.protocol,
         seed=command.seed,
@@ -57,13 +59,14 @@ def evaluate_and_report(
 ) -> None:
     """Run an evaluation with progress, then print its tables and write ``report.html`` beside its records."""
     out.mkdir(parents=True, exist_ok=True)
-    gallery, film = Gallery(out), out / "walk.mp4"
+    oracle = bool(oracle_note(described(settings)))
+    gallery, film = Gallery(out, oracle), out / "walk.mp4"
     with ExitStack() as stack:
         bars = stack.enter_context(ProgressBars(console))
-        walk = stack.enter_context(WalkVideo(film)) if video else None
+        walk = stack.enter_context(WalkVideo(film, oracle=oracle)) if video else None
         summary = evaluate(tasks, settings, out, on_step=walk, on_scene_end=gallery, on_progress=bars)
     records = RecordFile(out / "episodes.jsonl").records
-    print_answers(console, records)
+    print_answers(console, records, oracle)
     print_summary(console, summary)
     write_report(
         out / "report.html",
@@ -82,7 +85,8 @@ def run_query(command: Query, console: Console) -> None:
     """``openmap query``: the instances of a saved map that fit an instruction best."""
     from openmap_agents.grounding import Grounder
     from openmap_agents.mapping import InstanceMap
-    from openmap_agents.perception import make_encoder
+    from openmap_agents.perception import is_oracle, make_text_tower, read_encoder_spec
+    from openmap_agents.perception.specs import check_feature_length, check_text_space
 
     if command.top < 1 or not command.instruction.strip():
         raise DataError(
@@ -90,9 +94,16 @@ def run_query(command: Query, console: Console) -> None:
             f"--top {command.top} and the instruction {command.instruction!r}",
             "at least 1, and words",
         )
+    if command.encoder is not None:
+        read_encoder_spec(command.encoder)
     instance_map = InstanceMap.load(command.map)
-    grounding = Grounder(command.llm, encoder=make_encoder("embedded")).ground(command.instruction, instance_map)
-    table = Table(title=f"“{command.instruction}”", title_justify="left", pad_edge=False)
+    spec = command.encoder or instance_map.encoder or "embedded"
+    check_text_space(command.map, instance_map.encoder, spec)
+    words = make_text_tower(spec)
+    check_feature_length(command.map, instance_map.feature_lengths, words.dim)
+    grounding = Grounder(command.llm, encoder=words).ground(command.instruction, instance_map)
+    told = is_oracle(instance_map.segmenter) or is_oracle(instance_map.encoder)
+    table = Table(title=f"{ORACLE if told else ''}“{command.instruction}”", title_justify="left", pad_edge=False)
     for name in ("rank", "instance", "label", "score", "x", "y", "z"):
         table.add_column(name, justify="left" if name == "label" else "right")
     best = list(zip(grounding.ranking, grounding.scores, strict=True))[: command.top]

@@ -11,7 +11,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from openmap_eval.records import EpisodeRecord
-from openmap_eval.report import KIND_NAMES, KS, first_answer, oracle_note, target_names
+from openmap_eval.report import KIND_NAMES, KS, ORACLE, first_answer, oracle_note, target_names
 
 
 class ProgressBars:
@@ -44,10 +44,10 @@ class ProgressBars:
         self._progress.stop()
 
 
-def print_answers(console: Console, records: Sequence[EpisodeRecord]) -> None:
-    """Instruction -> answer -> distance -> hit at 1/4/8/16, a row an episode."""
+def print_answers(console: Console, records: Sequence[EpisodeRecord], oracle: bool = False) -> None:
+    """Instruction -> answer -> distance -> hit at 1/4/8/16, a row an episode; the title says whether an oracle was used."""
     table = Table(
-        title="What was asked, and what was found",
+        title=f"{ORACLE if oracle else ''}What was asked, and what was found",
         title_justify="left",
         pad_edge=False,
         padding=(0, 0),

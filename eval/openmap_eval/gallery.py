@@ -10,8 +10,9 @@ from openmap_agents.agent import Agent
 from openmap_agents.openmap_agent import OpenMapAgent
 from openmap_env.env import OpenMapNavEnv
 from openmap_env.episodes import Episode
-from openmap_eval.pictures import Picture, heat_picture, map_picture, write_png
+from openmap_eval.pictures import Picture, heat_picture, map_picture, titled, write_png
 from openmap_eval.records import write_json
+from openmap_eval.report import ORACLE
 
 HEATMAPS = 2
 
@@ -19,14 +20,20 @@ HEATMAPS = 2
 class Gallery:
     """A scene observer that writes each scene's map and its pictures into a folder; agents without a map leave none.
 
+    Parameters
+    ----------
+    folder : Path
+    oracle : bool
+        Whether something was read from the simulator: pictures and captions then say so.
+
     Attributes
     ----------
     maps, heatmaps : dict
         Caption -> PNG.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    def __init__(self, folder: Path, oracle: bool = False) -> None:
+        self._folder, self._title = folder, ORACLE if oracle else ""
         self._index = folder / "pictures.json"
         self.maps: dict[str, Path] = {}
         self.heatmaps: dict[str, Path] = {}
@@ -43,19 +50,19 @@ class Gallery:
         labels = {i.id: i.label for i in instance_map if i.label}
         instance_map.save(self._folder / f"{stem}.map.npz")
         picture = map_picture(instance_map, labels, agent.occupancy, agent.trajectory)
-        self.maps[f"The map of {scene}, from above"] = self._write(f"{stem}.map.png", picture)
+        self.maps[f"{self._title}The map of {scene}, from above"] = self._write(f"{stem}.map.png", picture)
         for number, episode in enumerate(_one_of_each_kind(env)[:HEATMAPS], start=1):
             grounding = agent.grounder.ground(episode.instruction, instance_map)
             scores = dict(zip(grounding.ranking, grounding.scores, strict=True))
             picture = heat_picture(instance_map, scores, labels, agent.occupancy)
-            caption = f"“{episode.instruction}” in {scene}: bright fits well, numbers are ranks"
+            caption = f"{self._title}“{episode.instruction}” in {scene}: bright fits well, numbers are ranks"
             self.heatmaps[caption] = self._write(f"{stem}.heat{number}.png", picture)
         names = [{caption: path.name for caption, path in paths.items()} for paths in (self.maps, self.heatmaps)]
         write_json(self._index, {"maps": names[0], "heatmaps": names[1]})
 
     def _write(self, name: str, picture: Picture) -> Path:
         path = self._folder / name
-        write_png(path, picture)
+        write_png(path, titled(picture, "ORACLE") if self._title else picture)
         return path
 
 

@@ -25,6 +25,8 @@ COLUMNS = {
 WALKED_COLUMNS = {"nav_success": "stopped there", "spl": "SPL"}
 """Say something only where every episode is walked by itself."""
 KIND_NAMES = {"object_goal": "object goal", "demand": "demand-driven", "language_guided": "language-guided"}
+ORACLE = "ORACLE · "
+"""Before every title of what comes from a run in which something was read from the simulator."""
 LARGEST_VIDEO = 24 * 2**20
 
 
@@ -48,7 +50,7 @@ def write_report(
         loader=jinja2.PackageLoader("openmap_eval"), autoescape=True, undefined=jinja2.StrictUndefined
     )
     page = environment.get_template("report.html").render(
-        title=("ORACLE · " if oracle else "") + "OpenMapNav evaluation",
+        title=(ORACLE if oracle else "") + "OpenMapNav evaluation",
         oracle=oracle,
         settings=settings,
         summary=summary,
@@ -67,9 +69,17 @@ def oracle_note(settings: Mapping[str, Any]) -> str:
     """What of a run was read from the simulator instead of perceived; empty where nothing was."""
     if settings["agent"].startswith("oracle"):
         return "the agent reads the answers from the simulator."
-    if settings["perception"] == "oracle":
-        return "masks and names come from the simulator, not from pixels."
-    return ""
+    told = [
+        (what, f" (noise: {noise})" if noise else "")
+        for key, what in (("segmenter", "masks"), ("encoder", "names"))
+        for family, _, noise in [str(settings[key]).partition(":")]
+        if family == "oracle"
+    ]
+    if len(told) == 2 and told[0][1] == told[1][1]:
+        return f"masks and names come from the simulator{told[0][1]}, not from pixels."
+    if not told:
+        return ""
+    return " and ".join(what + noise for what, noise in told) + " come from the simulator, not from pixels."
 
 
 def first_answer(record: EpisodeRecord) -> tuple[str, float | None]:

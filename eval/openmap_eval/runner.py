@@ -20,6 +20,7 @@ import numpy as np
 
 from openmap_agents import make_agent
 from openmap_agents.agent import Agent, Answer, Observation
+from openmap_agents.perception import resolve
 from openmap_env.env import OpenMapNavEnv
 from openmap_env.episodes import Episode
 from openmap_env.episodes.benchmark import NAME, frozen_home
@@ -34,10 +35,15 @@ ANSWERS_KEPT = 16
 
 @dataclass(frozen=True)
 class EvalSettings:
-    """What an evaluation's figures depend on, beside its scenes and episodes; written beside them."""
+    """What an evaluation's figures depend on, beside its scenes and episodes; written beside them (``described``).
+
+    ``perception`` is the spec of both segmenter and encoder, which override it (``openmap_agents.perception``).
+    """
 
     agent: str = "openmap"
     perception: str = "embedded"
+    segmenter: str | None = None
+    encoder: str | None = None
     llm: str = "builtin"
     protocol: Literal["retrieval", "navigation"] = "retrieval"
     seed: int = 0
@@ -45,6 +51,19 @@ class EvalSettings:
     width: int = 640
     height: int = 480
     max_steps: int = 2000
+
+
+def described(settings: EvalSettings) -> dict[str, Any]:
+    """Settings as they are written: which segmenter and which encoder, however that was said.
+
+    Raises
+    ------
+    ValueError
+        One of their specs is none; DataError for a path where nothing is.
+    """
+    segmenter, encoder = resolve(settings.perception, settings.segmenter, settings.encoder)
+    perception = segmenter if segmenter == encoder else f"{segmenter} + {encoder}"
+    return {**asdict(settings), "perception": perception, "segmenter": segmenter, "encoder": encoder}
 
 
 @dataclass(frozen=True)
@@ -85,11 +104,14 @@ def evaluate(
     Raises
     ------
     DataError
-        ``out`` holds an evaluation with other settings.
+        ``out`` holds an evaluation with other settings, or a file that the settings name cannot be used.
+    ValueError
+        A setting cannot be used; specs are looked at before anything is loaded.
     """
+    asked = described(settings)
     out.mkdir(parents=True, exist_ok=True)
     records = RecordFile(out / "episodes.jsonl")
-    _claim(out, settings, tasks, fresh=not records.records)
+    _claim(out, asked, tasks, fresh=not records.records)
     for task in tasks:
         env = make_env(task, settings)
         try:
@@ -103,15 +125,15 @@ def evaluate(
                 on_scene_end(_bare(env), agent, task.scene)
         finally:
             env.close()
-    summary = {"settings": asdict(settings), **summarise(records.records, settings.seed)}
+    summary = {"settings": asked, **summarise(records.records, settings.seed)}
     write_json(out / "summary.json", summary)
     return summary
 
 
-def _claim(out: Path, settings: EvalSettings, tasks: Sequence[SceneTask], fresh: bool) -> None:
+def _claim(out: Path, settings: dict[str, Any], tasks: Sequence[SceneTask], fresh: bool) -> None:
     """Write what is run into a new folder; refuse a folder whose records come from something else."""
     path = out / "settings.json"
-    asked = {**asdict(settings), "tasks": [[task.scene, _described(task)] for task in tasks]}
+    asked = {**settings, "tasks": [[task.scene, _described(task)] for task in tasks]}
     if fresh or not path.exists():
         write_json(path, asked)
         return
@@ -162,6 +184,8 @@ def _enter(env: gym.Env[Any, Any], task: SceneTask, settings: EvalSettings) -> t
         settings.agent,
         env,
         perception=settings.perception,
+        segmenter=settings.segmenter,
+        encoder=settings.encoder,
         llm=settings.llm,
         protocol=settings.protocol,
         seed=settings.seed,

@@ -28,6 +28,8 @@ from openmap_eval.pictures import (
 
 PANEL = (480, 360)
 FRAMES_A_SECOND = 20
+ORACLE_SHORT = "ORACLE: "
+"""In the letters that OpenCV can draw."""
 MAP_EVERY = 20
 """The map is asked for its instances every so many steps: merging anew for every frame would slow the walk down."""
 
@@ -35,10 +37,12 @@ MAP_EVERY = 20
 class WalkVideo:
     """A step observer that writes one video frame every ``every`` steps; a context manager.
 
-    The file appears under its name only when the video is complete.
+    The file appears under its name only when the video is complete. ``oracle`` puts the word before the titles of masks and
+    map.
     """
 
-    def __init__(self, path: Path, every: int = 2) -> None:
+    def __init__(self, path: Path, every: int = 2, oracle: bool = False) -> None:
+        self._title = ORACLE_SHORT if oracle else ""
         self._path, self._temporary, self._every = path, path.with_name(f".{path.name}.tmp.mp4"), every
         self._steps = 0
         self._seen_masks: Any = None
@@ -73,9 +77,12 @@ class WalkVideo:
         bottom = [
             titled(
                 self._mask_panel,
-                f"masks of the last keyframe: {0 if self._seen_masks is None else len(self._seen_masks)}",
+                f"{self._title}masks of the last keyframe: {0 if self._seen_masks is None else len(self._seen_masks)}",
             ),
-            titled(_growing_map(agent, self._things), f"map: {len(self._things)} things after {self._steps} steps"),
+            titled(
+                _growing_map(agent, self._things),
+                f"{self._title}map: {len(self._things)} things after {self._steps} steps",
+            ),
         ]
         return np.vstack([np.hstack(top), np.hstack(bottom)])
 

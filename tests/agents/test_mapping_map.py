@@ -84,7 +84,7 @@ def test_labels_are_set_on_a_copy(small_map: InstanceMap) -> None:
 
 
 def assert_equal(a: InstanceMap, b: InstanceMap) -> None:
-    assert a.voxel_size == b.voxel_size
+    assert (a.voxel_size, a.segmenter, a.encoder) == (b.voxel_size, b.segmenter, b.encoder)
     for one, other in zip(a, b, strict=True):
         for name in MapInstance.__dataclass_fields__:
             x, y = getattr(one, name), getattr(other, name)
@@ -100,6 +100,9 @@ def test_a_map_comes_back_from_its_file_as_it_was(small_map: InstanceMap, tmp_pa
     path = tmp_path / "deep" / "walk.map"
     small_map.save(path)
     assert_equal(InstanceMap.load(path), small_map)
+    told = replace(small_map, segmenter="sam:/a", encoder="oracle:drop=.1")
+    told.save(path)
+    assert_equal(InstanceMap.load(path), told)
     InstanceMap().save(path)
     assert len(InstanceMap.load(path)) == 0
     assert [p.name for p in path.parent.iterdir()] == ["walk.map"], "a temporary file was left"
@@ -148,6 +151,10 @@ def _labels(header: dict[str, Any], columns: dict[str, np.ndarray]) -> None:
     header["labels"] = [1, 2, 3, 4]
 
 
+def _encoder(header: dict[str, Any], columns: dict[str, np.ndarray]) -> None:
+    header["encoder"] = ["embedded"]
+
+
 def _list(header: dict[str, Any], columns: dict[str, np.ndarray]) -> None:
     header["arrays"] = []
 
@@ -159,7 +166,8 @@ def _objects(header: dict[str, Any], columns: dict[str, np.ndarray]) -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [(_newer, "map version 99, expected version 1"), (_other, "another kind"), (_altered, "checksum"), (_missing, "damaged"),
-     (_huge, "points declared as"), (_labels, "labels"), (_list, "damaged"), (_objects, "found")],
+     (_huge, "points declared as"), (_labels, "labels"), (_encoder, "encoder of the wrong type"),
+     (_list, "damaged"), (_objects, "found")],
 )  # fmt: skip
 def test_a_file_that_cannot_be_trusted_is_refused(
     change: Callable[[dict[str, Any], dict[str, np.ndarray]], None],

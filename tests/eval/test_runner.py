@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
+from PIL import Image
 
+from openmap_agents.mapping import InstanceMap
 from openmap_eval.cli import main
 from openmap_eval.report import write_report
-from openmap_eval.runner import EvalSettings, SceneTask, evaluate
+from openmap_eval.runner import EvalSettings, SceneTask, described, evaluate
 from openmap_scenes import DataError
 
 
@@ -18,6 +21,16 @@ def settings(**changes) -> EvalSettings:
 
 def run(agent: str, out, toy_specs, protocol="retrieval", episodes=4, **changes):
     return evaluate([SceneTask(toy_specs[0], episodes)], settings(agent=agent, protocol=protocol, **changes), out)
+
+
+class Letters:
+    """A text encoder that takes no time: the letters of a text are its vector."""
+
+    dim = 26
+
+    def encode_text(self, texts: list[str]) -> np.ndarray:
+        counts = np.array([[text.lower().count(chr(97 + k)) for k in range(26)] for text in texts], np.float32) + 1e-3
+        return counts / np.linalg.norm(counts, axis=1, keepdims=True)
 
 
 def lines(out) -> list[dict]:
@@ -71,6 +84,30 @@ def test_other_settings_do_not_mix_with_what_is_there(tmp_path, toy_specs):
         run("random", tmp_path, toy_specs, seed=1)
 
 
+def test_other_perception_does_not_mix_with_what_is_there_but_another_way_to_say_the_same_does(tmp_path, toy_specs):
+    run("random", tmp_path, toy_specs, perception="oracle:drop=.1")
+    for chosen in ({}, {"perception": "oracle"}, {"perception": "oracle:drop=.1", "encoder": "embedded"}):
+        with pytest.raises(DataError, match=r"an evaluation with .*encoder|an evaluation with .*segmenter"):
+            run("random", tmp_path, toy_specs, **chosen)
+    run("random", tmp_path, toy_specs, segmenter="oracle:drop=.1", encoder="oracle:drop=.1")
+
+
+@pytest.mark.parametrize(
+    ("chosen", "message"),
+    [
+        ({"perception": "eyes"}, "'eyes'"),
+        ({"segmenter": "oracle:split=3"}, "split 0..1"),
+        ({"segmenter": "sam:/no/such.onnx"}, "/no/such.onnx"),
+        ({"encoder": "sam:/no/such.onnx"}, "is no encoder"),
+    ],
+)
+def test_a_bad_spec_is_refused_before_a_home_is_loaded(tmp_path, toy_specs, monkeypatch, chosen, message):
+    monkeypatch.setattr("openmap_eval.runner.make_env", lambda *_: pytest.fail("an environment was made"))
+    with pytest.raises(ValueError, match=message):
+        run("openmap", tmp_path / "out", toy_specs, **chosen)
+    assert not (tmp_path / "out").exists()
+
+
 def test_one_seed_gives_one_result(tmp_path, toy_specs):
     for name in ("a", "b"):
         run("random", tmp_path / name, toy_specs, protocol="navigation", seed=3)
@@ -79,15 +116,60 @@ def test_one_seed_gives_one_result(tmp_path, toy_specs):
 
 
 @pytest.mark.parametrize(
-    ("agent", "perception", "named"),
-    [("oracle", "embedded", True), ("openmap", "oracle", True), ("openmap", "embedded", False)],
+    ("chosen", "says"),
+    [
+        ({"agent": "oracle"}, "the agent reads the answers"),
+        ({"perception": "oracle"}, "masks and names come from the simulator, not"),
+        ({"perception": "oracle:drop=.1"}, "masks and names come from the simulator (noise: drop=.1), not"),
+        ({"segmenter": "oracle"}, "masks come from the simulator, not"),
+        ({"encoder": "oracle:names=.5"}, "names (noise: names=.5) come from the simulator, not"),
+        ({"segmenter": "oracle:split=.2", "encoder": "oracle"}, "masks (noise: split=.2) and names come from"),
+        ({}, ""),
+        ({"perception": "oracle", "segmenter": "embedded", "encoder": "embedded"}, ""),
+    ],
 )
-def test_a_page_with_an_oracle_in_it_says_so(tmp_path, toy_specs, agent, perception, named):
+def test_a_page_with_an_oracle_in_it_says_so(tmp_path, toy_specs, chosen, says):
     summary = run("stand_still", tmp_path, toy_specs)
-    summary["settings"] |= {"agent": agent, "perception": perception}
+    summary["settings"] = described(settings(**chosen))
     write_report(tmp_path / "report.html", summary, [])
     page = (tmp_path / "report.html").read_text()
-    assert ("<title>ORACLE" in page) == named
+    assert ("<title>ORACLE" in page) == bool(says)
+    assert says in page
+
+
+def test_whatever_an_oracle_had_a_part_in_says_so_and_its_map_is_asked_in_its_own_words(
+    tmp_path, toy_specs, capsys, monkeypatch
+):
+    monkeypatch.setattr("openmap_agents.perception.text.TextEncoder", Letters)
+    noise = "oracle:drop=.1,features=.2"
+    size = ["--width", "64", "--height", "48", "--max-steps", "12", "--episodes", "3"]
+    main(["eval", "--scene", toy_specs[0], "--out", str(tmp_path), "--perception", noise, *size])
+    shown = capsys.readouterr().out
+    assert "ORACLE · What was asked" in shown
+    assert "ORACLE: masks and names" in shown
+    kept = json.loads((tmp_path / "summary.json").read_text())["settings"]
+    assert (kept["segmenter"], kept["encoder"]) == (noise, noise)
+    pictures = json.loads((tmp_path / "pictures.json").read_text())
+    captions = [*pictures["maps"], *pictures["heatmaps"]]
+    assert len(captions) > 1
+    assert all(caption.startswith("ORACLE") for caption in captions)
+    path = next(tmp_path.glob("*.map.npz"))
+    assert InstanceMap.load(path).encoder == noise
+
+    main(["query", str(path), "a chair"])
+    assert "ORACLE · “a chair”" in capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        main(["query", str(path), "a chair", "--encoder", "embedded"])
+    assert "features of the encoder 'oracle:drop=.1" in capsys.readouterr().out.replace("\n", " ")
+
+
+def test_pictures_of_an_oracle_have_it_in_their_corner(tmp_path):
+    from openmap_eval.gallery import Gallery
+
+    blank = np.full((40, 120, 3), 250, np.uint8)
+    told, seen = (Gallery(tmp_path, oracle)._write(f"{oracle}.png", blank) for oracle in (True, False))
+    assert (np.asarray(Image.open(seen)) == blank).all()
+    assert (np.asarray(Image.open(told))[:20, :60] != blank[:20, :60]).any()
 
 
 def test_the_page_shows_no_markup_of_its_episodes(tmp_path, toy_specs):

@@ -94,10 +94,15 @@ class TopDown:
 
 @dataclass(frozen=True, eq=False)
 class InstanceMap:
-    """All instances, ascending by id, and the edge of the voxels that their points are the centres of (m)."""
+    """All instances, ascending by id, and the edge of the voxels that their points are the centres of (m).
+
+    ``segmenter`` and ``encoder`` are the specs of what made the masks and the features; "" = not known.
+    """
 
     instances: list[MapInstance] = field(default_factory=list)
     voxel_size: float = 0.0
+    segmenter: str = ""
+    encoder: str = ""
 
     def __len__(self) -> int:
         return len(self.instances)
@@ -113,6 +118,11 @@ class InstanceMap:
     def centres(self) -> npt.NDArray[np.float32]:
         """Centres (M, 3) m, in the order of ``instances``."""
         return np.array([i.centre for i in self.instances], np.float32).reshape(-1, 3)
+
+    @property
+    def feature_lengths(self) -> set[int]:
+        """Lengths of the features that there are."""
+        return {len(i.feature) for i in self.instances if i.feature is not None}
 
     @cached_property
     def _tree(self) -> cKDTree:

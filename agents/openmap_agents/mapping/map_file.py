@@ -1,7 +1,7 @@
 """The file of a map: one .npz of plain arrays, M instances, with a JSON header that says how to read and check them.
 
-The header holds the format's name and version, the labels, and dtype, shape and SHA-256 of every array. A reader trusts none of it:
-sizes are checked before anything is unpacked, and nothing is ever unpickled.
+The header holds the format's name and version, the labels, what made masks and features, and dtype, shape and SHA-256 of every
+array. A reader trusts none of it: sizes are checked before anything is unpacked, and nothing is ever unpickled.
 """
 
 from __future__ import annotations
@@ -46,6 +46,8 @@ def save_map(instance_map: InstanceMap, path: str | Path) -> None:
         "format": FORMAT,
         "version": VERSION,
         "voxel_size": instance_map.voxel_size,
+        "segmenter": instance_map.segmenter,
+        "encoder": instance_map.encoder,
         "labels": [i.label for i in instance_map.instances],
         "arrays": {
             name: {"dtype": str(a.dtype), "shape": list(a.shape), "sha256": _digest(a)} for name, a in columns.items()
@@ -181,6 +183,9 @@ def _from_columns(columns: dict[str, npt.NDArray[Any]], header: dict[str, Any], 
         or (np.diff(ids) <= 0).any()
     ):
         raise DataError(path, "points or ids out of range", "finite points, at least one each, ids ascending", _REMEDY)
+    made_by = [header.get(name, "") for name in ("segmenter", "encoder")]
+    if not all(isinstance(spec, str) for spec in made_by):
+        raise DataError(path, "a segmenter or an encoder of the wrong type", "text", _REMEDY)
     points_of = np.split(points, np.cumsum(columns["point_count"])[:-1])
     views_of = np.split(columns["views"], np.cumsum(columns["view_count"])[:-1])
     instances = [
@@ -197,4 +202,4 @@ def _from_columns(columns: dict[str, npt.NDArray[Any]], header: dict[str, Any], 
         )
         for i in range(n)
     ]
-    return InstanceMap(instances, voxel_size=float(voxel_size))
+    return InstanceMap(instances, float(voxel_size), *made_by)

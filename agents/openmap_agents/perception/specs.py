@@ -5,11 +5,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from openmap_agents.perception.oracle import OracleNoise
+from openmap_agents.perception.noise import OracleNoise
 from openmap_agents.perception.stored_frames import ORDERS, Order
 from openmap_scenes import DataError
 
@@ -53,8 +54,9 @@ class Spec:
         if self.family == "oracle":
             return _MINILM
         if self.family == "precomputed":
-            return read_encoder_spec(self.text_spec).text_space if self.text_spec else _MINILM
-        return self.text
+            return read_encoder_spec(self.text_spec, paths=False).text_space if self.text_spec else _MINILM
+        # The same model may lie elsewhere on another machine: its folder's name has to do.
+        return f"{self.family}:{Path(self.rest).name}" if self.family == "clip-onnx" else self.text
 
 
 def read_segmenter_spec(spec: str) -> Spec:
@@ -65,7 +67,7 @@ def read_segmenter_spec(spec: str) -> Spec:
 def read_encoder_spec(spec: str, paths: bool = True) -> Spec:
     """An encoder's spec; ValueError, or DataError for a path where nothing is, if it cannot be one.
 
-    Without ``paths`` a precomputed folder need not be there.
+    Without ``paths`` what it names need not be there.
     """
     return _read(spec, "encoder", ENCODERS, paths)
 
@@ -87,6 +89,41 @@ def resolve(perception: str = "embedded", segmenter: str | None = None, encoder:
     return chosen
 
 
+def check_text_space(source: str | Path, made_by: str, spec: str) -> None:
+    """Refuse to ask a map of one encoder's features with the words of another.
+
+    Parameters
+    ----------
+    source : path
+        Of the map, for the message.
+    made_by, spec : str
+        The encoders' specs; "" = not known, and then there is nothing to refuse.
+
+    Raises
+    ------
+    DataError
+    """
+    if not made_by or not spec:
+        return
+    there, here = (read_encoder_spec(s, paths=False).text_space for s in (made_by, spec))
+    if there != here:
+        raise DataError(
+            source, f"features of the encoder {made_by!r}", f"those of {spec!r}", f"Ask with --encoder {made_by}."
+        )
+
+
+def check_feature_length(source: str | Path, lengths: Iterable[int], dim: int) -> None:
+    """Refuse features of other lengths than an encoder's ``dim``, where all that is known of a map is its vectors."""
+    others = sorted(set(lengths) - {dim})
+    if others:
+        raise DataError(
+            source,
+            f"features of {others[0]} values",
+            f"{dim}, as the encoder's",
+            "Ask with the --encoder that made it.",
+        )
+
+
 def is_oracle(spec: str) -> bool:
     """Whether what a spec names is told instead of seeing."""
     return _family(spec) == "oracle"
@@ -104,14 +141,13 @@ def _read(spec: str, what: str, forms: tuple[str, ...], paths: bool = True) -> S
     if family == "oracle":
         OracleNoise.parse(rest)
     if family == "precomputed":
-        found = Spec(spec, family, *_options(rest, spec))
-    needed = ("sam", "yolo", "clip-onnx", "precomputed") if paths else ("sam", "yolo", "clip-onnx")
-    if family in needed and not Path(found.rest).exists():
+        found = Spec(spec, family, *_options(rest, spec, paths))
+    if paths and family in ("sam", "yolo", "clip-onnx", "precomputed") and not Path(found.rest).exists():
         raise DataError(found.rest, "nothing there", f"what {what} {spec!r} names")
     return found
 
 
-def _options(rest: str, spec: str) -> tuple[Any, ...]:
+def _options(rest: str, spec: str, paths: bool) -> tuple[Any, ...]:
     """Folder, text spec and order of "folder?frames=order&text=<spec>"; a text spec goes to the end."""
     folder, _, query = rest.partition("?")
     values = {"text": "", "frames": "picture"}
@@ -127,6 +163,6 @@ def _options(rest: str, spec: str) -> tuple[Any, ...]:
                 "and as the last option text=<encoder spec>"
             )
         values[key] = value
-    if values["text"] and read_encoder_spec(values["text"]).family in ("oracle", "precomputed"):
+    if values["text"] and read_encoder_spec(values["text"], paths).family in ("oracle", "precomputed"):
         raise ValueError(f"spec is {spec!r}, expected text= an encoder that reads words by itself")
     return folder, values["text"], values["frames"]
