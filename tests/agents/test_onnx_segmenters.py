@@ -91,7 +91,7 @@ def plain_preprocessing(rgb: np.ndarray) -> np.ndarray:
     return out
 
 
-@pytest.mark.parametrize("size", [(90, 120), (120, 90), (64, 64), (17, 201)])
+@pytest.mark.parametrize("size", [(90, 120), (120, 91), (64, 64), (17, 201), (91, 120)])
 def test_sam_preprocessing_is_the_plain_one(folder: Path, size: tuple[int, int]) -> None:
     model = SamSegmenter(folder / "sam", EVERYTHING).model
     rgb = picture(size=size)
@@ -672,6 +672,22 @@ def test_only_the_tensor_left_stands_in_for_a_name(folder: Path) -> None:
     assert model.outputs["rows"].name == "output0"
     with pytest.raises(DataError, match="picture of 4 axes"):
         file.bind({"picture": Port(4)}, {"rows": Port(3, unnamed=True)}, "a network")
+
+
+def test_inputs_nothing_is_known_of_and_doubtful_ones_are_no_match(folder: Path) -> None:
+    file = load(folder / "efficient" / "efficient_decoder.onnx", "a decoder")
+    known = {"image_embeddings": Port(4), "batched_point_coords": Port(4), "batched_point_labels": Port(3)}
+    outputs = {"iou_predictions": Port(3)}
+    assert file.bind(known | {"orig_im_size": Port(1, kind="int")}, outputs, "a decoder").inputs.keys() == {
+        *known,
+        "orig_im_size",
+    }
+    with pytest.raises(DataError, match="orig_im_size"):
+        file.bind(known, outputs, "a decoder")
+    doubtful = {"picture": Port(4, unnamed=True), "points": Port(4, unnamed=True, optional=True)}
+    rest = {"batched_point_labels": Port(3), "orig_im_size": Port(1, kind="int")}
+    with pytest.raises(DataError, match="picture of 4 axes"):
+        file.bind(doubtful | rest, outputs, "a decoder")
 
 
 @pytest.mark.parametrize(
