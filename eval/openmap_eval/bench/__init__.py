@@ -14,6 +14,7 @@ from openmap_eval.bench.env import Env
 from openmap_eval.bench.homes import Homes
 from openmap_eval.bench.loading import Loading
 from openmap_eval.bench.machine import Machine
+from openmap_eval.bench.perception import Perception
 from openmap_eval.bench.render import Render
 
 Benchmark = (
@@ -21,7 +22,8 @@ Benchmark = (
     | Annotated[Homes, tyro.conf.subcommand("homes")]
     | Annotated[Loading, tyro.conf.subcommand("loading")]
     | Annotated[Machine, tyro.conf.subcommand("machine")]
+    | Annotated[Perception, tyro.conf.subcommand("perception")]
     | Annotated[Render, tyro.conf.subcommand("render")]
 )
 
-__all__ = ["Benchmark", "Env", "Homes", "Loading", "Machine", "Render"]
+__all__ = ["Benchmark", "Env", "Homes", "Loading", "Machine", "Perception", "Render"]
