@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from openmap_agents.grounding import vector_cache
+from openmap_agents import vector_cache
 from openmap_agents.grounding.lexicon import load_lexicon
 from openmap_agents.grounding.needs import Needs, cover
 from openmap_agents.grounding.text_space import TextSpace

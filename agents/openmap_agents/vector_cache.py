@@ -1,13 +1,13 @@
 """Vectors of fixed lists of texts, kept between runs in the user's cache folder.
 
-A file is named after what it holds: the texts and the encoder, which is known by the vector it gives a probe text. A file that
-cannot be read, or does not hold what its name says, counts as absent and is written anew; a folder that cannot be written
-costs time and nothing else.
+A file is named after what it holds: the texts and the encoder. One that cannot be read, or does not hold what its name says,
+counts as absent and is written anew; a folder that cannot be written costs time and nothing else.
 """
 
 from __future__ import annotations
 
 import hashlib
+import json
 import os
 import tempfile
 from contextlib import suppress
@@ -25,11 +25,10 @@ def folder() -> Path:
     return Path(base) / "openmapnav" / "text"
 
 
-def key(texts: list[str], probe: FloatArray) -> str:
-    """Hex digest of the texts and of the encoder's vector (1, D) for the probe text."""
-    digest = hashlib.sha256("\n".join([str(len(texts)), *texts]).encode())
-    # The last bits of a vector differ between processors; the cached list is as good there.
-    digest.update(np.round(probe, 3).astype("<f4").tobytes())
+def key(texts: list[str], encoder: bytes) -> str:
+    """Hex digest of the texts and of bytes that tell the encoder from others."""
+    digest = hashlib.sha256(json.dumps(texts).encode())
+    digest.update(encoder)
     return digest.hexdigest()[:32]
 
 
