@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import warnings
 from pathlib import Path
@@ -9,6 +10,13 @@ from typing import Any
 
 import torch
 from tokenizers import Tokenizer, models, normalizers, pre_tokenizers, processors
+
+from openmap_agents.perception.torchvision_import import import_torchvision
+
+# transformers imports torchvision where it is installed, whether or not that fits torch.
+with contextlib.suppress(ImportError):
+    import_torchvision()
+
 from transformers import CLIPConfig, CLIPModel, CLIPTokenizer, PreTrainedTokenizerFast, SiglipConfig, SiglipModel
 from transformers.models.clip.image_processing_pil_clip import CLIPImageProcessorPil
 from transformers.models.siglip.image_processing_pil_siglip import SiglipImageProcessorPil
@@ -66,7 +74,7 @@ def siglip_model(seed: int = 0) -> SiglipModel:
 def _shake(model: torch.nn.Module) -> None:
     """Weights large enough that every part of the model shows in its output."""
     for parameter in model.parameters():
-        torch.nn.init.normal_(parameter, std=0.3)
+        torch.nn.init.normal_(parameter, std=0.5)
 
 
 def images_of(model: Any, pixels: torch.Tensor) -> torch.Tensor:
