@@ -1,4 +1,4 @@
-"""The command line: ``openmap eval | eval perception | demo | query | scenes | episodes | bench``."""
+"""The command line: ``openmap eval | eval perception | demo | query | scenes | episodes | bench | train perception``."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Annotated, Literal
 import tyro
 from rich.console import Console
 
+from openmap_agents.perception.training.settings import Settings as PerceptionTraining
 from openmap_eval.bench import Benchmark
 from openmap_eval.episode_commands import EpisodeCommand
 from openmap_eval.perception.command import EvalPerception
@@ -132,6 +133,16 @@ class Bench:
         self.benchmark.run(console)
 
 
+@dataclass(frozen=True)
+class TrainPerception(PerceptionTraining):
+    """Train the default perception anew, on renders of the built-in homes; a run that was stopped goes on where it was."""
+
+    def run(self, console: Console) -> None:
+        from openmap_agents.perception.training.run import train
+
+        train(self, console)
+
+
 Command = (
     Annotated[Eval, tyro.conf.subcommand("eval")]
     | Annotated[EvalPerception, tyro.conf.subcommand("eval perception")]
@@ -140,6 +151,7 @@ Command = (
     | Annotated[Scenes, tyro.conf.subcommand("scenes")]
     | Annotated[Episodes, tyro.conf.subcommand("episodes")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]
+    | Annotated[TrainPerception, tyro.conf.subcommand("train perception")]
 )
 
 
@@ -148,9 +160,10 @@ def main(arguments: list[str] | None = None) -> None:
     logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s", stream=sys.stderr)
     console = Console()
     arguments = list(sys.argv[1:] if arguments is None else arguments)
-    if arguments[:2] == ["eval", "perception"]:  # a command of its own: ``eval`` has flags, and so no commands below it
-        arguments[:2] = ["eval perception"]
-    command: Eval | EvalPerception | Demo | Query | Scenes | Episodes | Bench = tyro.cli(
+    if arguments[:1] in (["eval"], ["train"]) and arguments[1:2] == ["perception"]:
+        # A command of its own: ``eval`` has flags, and so no commands below it.
+        arguments[:2] = [" ".join(arguments[:2])]
+    command: Eval | EvalPerception | Demo | Query | Scenes | Episodes | Bench | TrainPerception = tyro.cli(
         Command, args=arguments, prog="openmap", description=__doc__
     )
     try:

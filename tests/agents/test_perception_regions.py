@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -9,10 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from openmap_agents.perception import Masks
-from openmap_agents.perception.encoder import WEIGHTS, EmbeddedEncoder, fuse
+from openmap_agents.perception.encoder import N_DESCRIPTION, SHARPNESS, WEIGHTS, EmbeddedEncoder, fuse
+from openmap_agents.perception.joining import N_PAIR, Tree, agglomerate, best_cut
+from openmap_agents.perception.maps import N_BELONGING, N_CLASSES, cells_of, cover, geometry_map, map_shape, means
 from openmap_agents.perception.overlap import ious
-from openmap_agents.perception.regions import N_EXTREMES, N_PAIR, N_SUMS, Tree, agglomerate, best_cut, describe
+from openmap_agents.perception.regions import N_EXTREMES, N_SUMS, Regions, add_belonging, describe
 from openmap_agents.perception.segmenter import EmbeddedSegmenter, patches_of, plain_join
 from openmap_agents.perception.shape import N_SHAPE, shape_features
 from openmap_agents.perception.superpixels import superpixels
@@ -56,6 +58,14 @@ def random_tree(seed: int, n: int) -> Tree:
     return Tree(pairs, np.ones(k), np.ones((n + k, N_SUMS)), np.ones((n + k, N_EXTREMES)))
 
 
+def described(patches: np.ndarray, surface: Surface, seed: int = 0) -> Regions:
+    """Patches with what a neck might say of their pixels, drawn at random."""
+    regions = describe(patches, surface)
+    cells = np.random.default_rng(seed).normal(size=(N_BELONGING + N_CLASSES, *map_shape(72, 96, 4)))
+    add_belonging(regions, patches, cells.astype(np.float32), *cells_of(1, 4, 72, 96))
+    return regions
+
+
 def every_cut(tree: Tree, node: int) -> list[list[int]]:
     cuts = [[node]]
     if node >= tree.n_leaves:
@@ -79,13 +89,13 @@ def test_best_cut_is_worth_as_much_as_the_best_of_all_cuts(seed: int, n: int):
 def test_a_joined_region_is_described_as_if_it_had_been_one_patch(seed: int):
     surface = surface_of(seed)
     patches = patches_of(surface)
-    tree, _ = agglomerate(describe(patches, surface), surface.floor, plain_join(), 0.05)
+    tree, _ = agglomerate(described(patches, surface), surface.floor, plain_join(), 0.05)
     assert len(tree.children) > 5
     worth = np.zeros(len(tree.sums))
     worth[tree.n_leaves :] = np.arange(1, len(tree.children) + 1)  # so that every join is kept
     owner = best_cut(tree, worth)
     nodes, merged = np.unique(owner, return_inverse=True)
-    again = describe(merged[patches].astype(np.int32), surface)
+    again = described(merged[patches].astype(np.int32), surface)
     np.testing.assert_allclose(tree.sums[nodes], again.sums, rtol=1e-6, atol=1e-6)
     np.testing.assert_array_equal(tree.extremes[nodes], again.extremes)
 
@@ -134,8 +144,7 @@ def test_shape_says_how_high_and_how_large_a_card_is():
     depth[rays[..., 1] < -0.2] = 1.25 / -rays[..., 1][rays[..., 1] < -0.2]
     card = (np.abs(rays[..., 0]) < 0.25) & (np.abs(rays[..., 1]) < 0.15)
     depth[card] = 2.0
-    masks = Masks(card.astype(np.int32), np.ones(1, np.float32))
-    row = shape_features(working_picture(rgb, depth, np.eye(4), CAMERA), masks)[0]
+    row = shape_features(working_picture(rgb, depth, np.eye(4), CAMERA), card.astype(np.int32), 1)[0]
     assert row.shape == (N_SHAPE,)
     assert row[0] == pytest.approx(1.25 - 0.3, abs=0.05)
     assert row[1] == pytest.approx(1.25 + 0.3, abs=0.05)
@@ -151,12 +160,52 @@ def test_labels_of_the_working_picture_fill_the_whole_one(step: int):
     np.testing.assert_array_equal(full[step // 2 : 3 * step : step, step // 2 : 4 * step : step], labels)
 
 
-def test_a_region_s_cosine_is_the_weighted_mean_of_its_branches():
-    rng = np.random.default_rng(0)
-    opinions = [x / np.linalg.norm(x, axis=1, keepdims=True) for x in rng.normal(size=(len(WEIGHTS), 5, 384))]
-    word = opinions[0][:1]
-    expected = sum(w * (f @ word.T) for w, f in zip(WEIGHTS.values(), opinions, strict=True)) / sum(WEIGHTS.values())
-    np.testing.assert_allclose(fuse(opinions) @ fuse([word] * len(WEIGHTS)).T, expected, atol=1e-5)
+def test_a_cosine_is_one_affine_function_of_the_log_probability_of_the_name():
+    encoder = EmbeddedEncoder()
+    described_regions = np.random.default_rng(0).normal(0.3, 1.0, (20, N_DESCRIPTION)).astype(np.float32)
+    names = ["chair", "sofa", "pillow", "something to sit on", "quokka"]
+    cosines = encoder.vectors(described_regions) @ encoder.encode_text(names).T
+    fused = fuse(encoder.opinions(described_regions))
+    logits = SHARPNESS * fused @ encoder.words(names).T
+    z = np.exp(SHARPNESS * fused @ encoder.words(list_of_names()).T).sum(1, keepdims=True)
+    log_p = logits - np.log(z)
+    slope, offset = np.polyfit(log_p.ravel(), cosines.ravel(), 1)
+    assert slope > 0
+    np.testing.assert_allclose(cosines, slope * log_p + offset, atol=2e-3)
+
+
+def list_of_names() -> list[str]:
+    return list(json.loads((FOLDER / "names.json").read_text()))
+
+
+def test_opinions_are_weighed():
+    opinions = {name: np.eye(1, 384, i, dtype=np.float32) for i, name in enumerate(WEIGHTS)}
+    np.testing.assert_allclose(fuse(opinions)[0, : len(WEIGHTS)], np.array(list(WEIGHTS.values())) / sum(WEIGHTS.values()))
+
+
+@pytest.mark.parametrize(("width", "height"), [(64, 96), (640, 480), (320, 240), (1280, 720), (101, 67)])
+def test_means_are_those_over_the_pixels_of_a_mask(width: int, height: int):
+    rng = np.random.default_rng(1)
+    step = max(1, round(width / 320))
+    labels = rng.integers(0, 4, (len(range(step // 2, height, step)), len(range(step // 2, width, step))))
+    levels = cover(labels, 3, step, height, width)
+    for stride, cells in zip((4, 8, 16, 32), levels, strict=True):
+        rows, columns = cells_of(step, stride, height, width)
+        features = rng.normal(size=(2, *map_shape(height, width, stride))).astype(np.float32)
+        full = features[:, rows[:, None], columns]
+        expected = np.stack([full[:, labels == k].mean(1) for k in (1, 2, 3)])
+        np.testing.assert_allclose(means(cells, features), expected, atol=1e-4)
+
+
+def test_depth_s_map_does_not_care_for_the_heading_or_the_tilt_of_the_camera():
+    rgb, depth = room()
+    level = geometry_map(working_picture(rgb, depth, np.eye(4), CAMERA), np.eye(4), 72, 96)
+    turned = np.eye(4)
+    c, s = np.cos(2.0), np.sin(2.0)
+    turned[:3, :3] = [[c, 0, s], [0, 1, 0], [-s, 0, c]]
+    np.testing.assert_allclose(geometry_map(working_picture(rgb, depth, turned, CAMERA), turned, 72, 96), level, atol=1e-4)
+    facing = level[:, 2, 5]
+    assert facing[2] == pytest.approx(1.0, abs=0.05)  # the wall ahead looks back at the camera
 
 
 def test_overlaps_of_a_picture_with_itself():
@@ -172,21 +221,31 @@ def test_weights_come_back_as_half_floats(tmp_path: Path):
     assert [p.name for p in tmp_path.iterdir()] == ["w.npz"]
 
 
-@pytest.mark.parametrize("make", [EmbeddedSegmenter, lambda path: EmbeddedEncoder(weights=path)])
-def test_weights_that_cannot_be_used_are_named_with_what_is_wrong(make, tmp_path: Path):
-    path = tmp_path / "w.npz"
-    with pytest.raises(DataError, match=r"w\.npz: found no readable weights"):
-        make(path)
-    path.write_bytes((FOLDER / "segmenter.npz").read_bytes()[:-200])
+@pytest.mark.parametrize(
+    ("make", "name"), [(EmbeddedSegmenter, "segmenter.npz"), (lambda folder: EmbeddedEncoder(weights=folder), "regions.npz")]
+)
+def test_weights_that_cannot_be_used_are_named_with_what_is_wrong(make, name: str, tmp_path: Path):
+    path = tmp_path / name
+    with pytest.raises(DataError, match=rf"{name}: found no readable weights"):
+        make(tmp_path)
+    path.write_bytes((FOLDER / name).read_bytes()[:-200])
     with pytest.raises(DataError, match="no readable weights"):
-        make(path)
+        make(tmp_path)
     save_weights(path, {"join.w1": np.zeros((4, 3))})
     with pytest.raises(DataError, match="of shape"):
-        make(path)
+        make(tmp_path)
     np.savez(path, a=np.array([{}], object))
     with pytest.raises(DataError, match="no readable weights"):
-        make(path)
-    with np.load(FOLDER / "segmenter.npz") as good, np.load(FOLDER / "regions.npz") as heads:
-        save_weights(path, {k: v * np.nan for k, v in {**good, **heads}.items()})
+        make(tmp_path)
+    with np.load(FOLDER / name) as good:
+        save_weights(path, {k: v * np.nan for k, v in good.items()})
     with pytest.raises(DataError, match="not finite"):
-        make(path)
+        make(tmp_path)
+
+
+def test_a_neck_that_is_none_is_named(tmp_path: Path):
+    for name in ("segmenter.npz", "regions.npz"):
+        (tmp_path / name).write_bytes((FOLDER / name).read_bytes())
+    (tmp_path / "neck.onnx").write_bytes((FOLDER / "neck.onnx").read_bytes()[:5000])
+    with pytest.raises(DataError, match=r"neck\.onnx"):
+        EmbeddedSegmenter(tmp_path)

@@ -2,7 +2,7 @@
 
 ``make_segmenter``, ``make_encoder`` and, for both at once, ``make_perception`` turn specs into them:
 
-- ``embedded`` works from pixels, offline;
+- ``embedded`` works from pixels, offline; ``embedded:<folder>`` does so with weights of your own training;
 - ``sam:``, ``yolo:`` (segmenters), ``clip-onnx:``, ``openclip:`` (encoders) run models of the user's;
 - ``precomputed:<folder>`` reads what was computed elsewhere (``stored_frames`` has the format);
 - ``oracle`` is told by the renderer and is for analysis only; ``oracle:split=.1,features=.3`` is told wrongly (``OracleNoise``).
@@ -88,7 +88,7 @@ def make_segmenter(spec: str = "embedded", *, semantic: Semantic | None = None) 
         return OracleSegmenter(semantic, read.noise)
     from openmap_agents.perception.segmenter import EmbeddedSegmenter
 
-    return EmbeddedSegmenter()
+    return EmbeddedSegmenter(read.rest) if read.rest else EmbeddedSegmenter()
 
 
 def make_encoder(
@@ -137,7 +137,7 @@ def make_encoder(
         return OracleEncoder(semantic, categories, text, read.noise)
     from openmap_agents.perception.encoder import EmbeddedEncoder
 
-    return EmbeddedEncoder(text)
+    return EmbeddedEncoder(text, read.rest) if read.rest else EmbeddedEncoder(text)
 
 
 def make_text_tower(spec: str = "embedded", *, text: TextEncoder | None = None) -> TextTower:
@@ -165,7 +165,12 @@ def make_perception(
 
     Parameters and errors as for ``make_segmenter`` and ``make_encoder``.
     """
-    return (
-        make_segmenter(segmenter, semantic=semantic),
-        make_encoder(encoder, semantic=semantic, categories=categories, text=text),
-    )
+    seeing = make_segmenter(segmenter, semantic=semantic)
+    if segmenter == encoder and read_encoder_spec(encoder).family == "embedded":
+        from openmap_agents.perception.encoder import EmbeddedEncoder
+        from openmap_agents.perception.segmenter import EmbeddedSegmenter
+        from openmap_agents.perception.weights import FOLDER
+
+        assert isinstance(seeing, EmbeddedSegmenter)
+        return seeing, EmbeddedEncoder(text, read_encoder_spec(encoder).rest or FOLDER, seeing.front)
+    return seeing, make_encoder(encoder, semantic=semantic, categories=categories, text=text)

@@ -30,6 +30,7 @@ _EXAMPLES: dict[str, list[tuple[int, int, int]]] = {
 COLOURS = tuple(_EXAMPLES)
 _CHROMA_WEIGHT = 1.6
 _MOST_PIXELS = 2000
+_MOST_FEATURE_PIXELS = 400
 # Indoors something white is nearly always in sight, and seldom lit well enough to look it: the brightest tenth is taken for white.
 _WHITE_SHARE = 90
 _MOST_GAIN = 1.8
@@ -57,6 +58,33 @@ def colour_votes(rgb: npt.NDArray[np.uint8]) -> npt.NDArray[np.float64]:
     distance = ((place[:, None] - _PLACE[None]) ** 2).sum(2)
     words = _WORD[distance.argmin(1)]
     return np.bincount(words, minlength=len(COLOURS)) / len(words)
+
+
+N_COLOUR = 32
+_QUANTILES = (0.1, 0.25, 0.5, 0.75, 0.9)
+
+
+def colour_features(
+    lab: npt.NDArray[np.float32], labels: npt.NDArray[np.int32], n: int
+) -> npt.NDArray[np.float32]:
+    """What the working picture says of the colour of each label 1..n, (n, N_COLOUR) float32.
+
+    Quantiles of L*, a*, b* (15), the share of pixels that each word would be used for (13), and of the whole picture the mean
+    a*, b* and the median and 90th percentile of L*: by them a dim or tinted room is told from a dark or tinted thing.
+    """
+    out = np.zeros((n, N_COLOUR), np.float32)
+    every = lab.reshape(-1, 3)
+    light = np.quantile(every[:, 0], [0.5, 0.9]) / 50.0
+    out[:, 28:] = [*(every[:, 1:].mean(0) / 20.0), *light]
+    order = np.argsort(labels, axis=None, kind="stable")
+    starts = np.searchsorted(labels.ravel()[order], np.arange(1, n + 2))
+    for k, (first, last) in enumerate(pairwise(starts.tolist())):
+        pixels = every[order[first : last : max(1, (last - first) // _MOST_FEATURE_PIXELS)]]
+        if len(pixels):
+            out[k, :15] = (np.quantile(pixels, _QUANTILES, axis=0) / 50.0).ravel()
+            distance = ((_space(pixels)[:, None] - _PLACE[None]) ** 2).sum(2)
+            out[k, 15:28] = np.bincount(_WORD[distance.argmin(1)], minlength=len(COLOURS)) / len(pixels)
+    return out
 
 
 def exposed(rgb: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:

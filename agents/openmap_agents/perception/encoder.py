@@ -1,42 +1,74 @@
 """The default encoder: what a region looks like and how it is shaped, as a place in the space of words.
 
-Three opinions are fused late: a head trained on looks and shape, one trained on shape alone, and ConSE, which was not trained on
-homes and knows a thousand other things. Each is a unit vector f_b in the text encoder's space, from which the mean of the names of
-household things has been taken: what all words of a home have in common says nothing. A region's feature is their concatenation
-with weights, [sqrt(w_b) f_b], a text's is [sqrt(w_b) t]; so one cosine is the weighted mean of the three cosines.
+Four opinions are added up, each a unit vector f_b in the text encoder's space less the mean of the names of household things (what all
+words of a home have in common says nothing): heads trained on looks and shape, on what the neck says, on shape alone, and ConSE,
+which was not trained on homes and knows a thousand other things. v = sum_b w_b f_b, with weights that sum to one.
+
+Calibration. ``S v.t`` are the logits of a softmax over the bank of the names that were learned, so S v.t - log Z says how well a
+text fits *compared with what else the region may be*; a region that is surely a pillow is then a poor "sofa" although both words lie
+close. This is put into a plain cosine: a text t becomes [c t, s, 0], a region [a v, b (L - log Z), r v/|v|], where r fills up to length
+one, so that a cosine is g (S v.t - log Z + L), the same affine function of a log-probability for every region and text.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from openmap_agents.perception.backbone import CHANNELS, N_FEATURES, Backbone, pool_regions
+from openmap_agents.perception.backbone import CHANNELS, N_FEATURES
 from openmap_agents.perception.conse import Conse, unit
+from openmap_agents.perception.front import FrontEnd, View
 from openmap_agents.perception.heads import load_heads
-from openmap_agents.perception.protocol import Masks
+from openmap_agents.perception.maps import cover, means
+from openmap_agents.perception.neck import N_LOOKS, N_SHAPE_MAP
+from openmap_agents.perception.protocol import Calibration, Masks
 from openmap_agents.perception.shape import N_SHAPE, shape_features
-from openmap_agents.perception.surface import check_picture, working_picture
 from openmap_agents.perception.text import TextEncoder
 from openmap_agents.perception.weights import FOLDER
 from openmap_scenes import PinholeCamera
 
-N_DESCRIPTION = N_FEATURES + N_SHAPE
-WEIGHTS = {"looks": 1.0, "shape": 0.8, "conse": 0.4}
-_SCALES = np.sqrt(np.array(list(WEIGHTS.values())) / sum(WEIGHTS.values())).astype(np.float32)
+SHAPE = slice(N_FEATURES, N_FEATURES + N_SHAPE)
+SHAPE_MAP = slice(SHAPE.stop, SHAPE.stop + N_SHAPE_MAP)
+LOOKS = slice(SHAPE_MAP.stop, SHAPE_MAP.stop + N_LOOKS)
+N_DESCRIPTION = LOOKS.stop
+"""Columns of a region's description: pooled backbone, shape, the neck's shape and looks."""
+HEADS = {
+    "looks": slice(0, N_DESCRIPTION),
+    "neck": slice(N_FEATURES, N_DESCRIPTION),
+    "shape": slice(N_FEATURES, SHAPE_MAP.stop),
+}
+"""Which columns each head reads."""
+WEIGHTS = {"looks": 1.0, "neck": 0.6, "shape": 0.8, "conse": 0.4}
+SHARPNESS = 24.0
+"""S above."""
+_CENTRE = 8.0  # L: about the usual log Z, so that what is added is small
+_TEXT = 0.95  # c
+_BIAS = float(np.sqrt(1.0 - _TEXT**2))  # s
+_GAIN = 0.038  # g: as large as lets [a v, b (L - log Z)] stay within length one
+
+
+@dataclass(frozen=True)
+class Opinions:
+    """v (n, 384) and log Z (n,) of n regions."""
+
+    vectors: npt.NDArray[np.float32]
+    log_z: npt.NDArray[np.float32]
 
 
 class EmbeddedEncoder:
-    """One frozen EfficientNet-Lite0 pass a picture, pooled under each mask, and gravity-aligned shape -> words.
+    """One frozen EfficientNet-Lite0 pass a picture and a small trained net over it and depth, pooled under each mask -> words.
 
     Parameters
     ----------
     text : TextEncoder, optional
         Shared with others that need one.
     weights : Path, optional
-        The heads; the installed ones by default.
+        The folder of its networks; the installed one by default.
+    front : FrontEnd, optional
+        Shared with the segmenter, so that a picture is looked at once.
 
     Raises
     ------
@@ -44,16 +76,30 @@ class EmbeddedEncoder:
         The weights cannot be used.
     """
 
-    def __init__(self, text: TextEncoder | None = None, weights: str | Path = FOLDER / "regions.npz") -> None:
+    def __init__(
+        self,
+        text: TextEncoder | None = None,
+        weights: str | Path = FOLDER,
+        front: FrontEnd | None = None,
+    ) -> None:
         self._text = text or TextEncoder()
-        self._heads, self._mean = load_heads({"looks": N_DESCRIPTION, "shape": N_SHAPE}, self._text.dim, weights)
-        self.backbone = Backbone()
+        inputs = {name: columns.stop - columns.start for name, columns in HEADS.items()}
+        loaded = load_heads(inputs, self._text.dim, Path(weights) / "regions.npz")
+        self._heads, self._mean, self._bank = loaded.heads, loaded.mean, loaded.bank
+        self.calibration: Calibration = loaded.calibration
+        self.front = front or FrontEnd(weights)
         self._conse = Conse(self._text)
-        self.dim = len(WEIGHTS) * self._text.dim
+        self.dim = 2 * self._text.dim + 1
 
     def encode_text(self, texts: list[str]) -> npt.NDArray[np.float32]:
         """Unit vectors (n, D) float32."""
-        return fuse([unit(self._text.encode_text(texts) - self._mean)] * len(WEIGHTS))
+        words = self.words(texts)
+        bias = np.full((len(texts), 1), _BIAS, np.float32)
+        return np.hstack([_TEXT * words, bias, np.zeros_like(words)]).astype(np.float32)
+
+    def words(self, texts: list[str]) -> npt.NDArray[np.float32]:
+        """Unit vectors (n, 384) of texts, less the mean of household names: the space of v."""
+        return unit(self._text.encode_text(texts) - self._mean) if texts else np.zeros((0, self._text.dim), np.float32)
 
     def encode_regions(
         self,
@@ -64,35 +110,62 @@ class EmbeddedEncoder:
         camera: PinholeCamera,
     ) -> npt.NDArray[np.float32]:
         """Unit vectors (n, D) float32, one for each mask 1..n."""
-        check_picture(rgb, depth, camera)
         if len(masks) == 0:
             return np.zeros((0, self.dim), np.float32)
-        described = describe(self.backbone.dense(rgb), rgb, depth, masks, T_world_camera, camera)
-        return fuse(self.opinions(described))
+        view = self.front.look(rgb, depth, T_world_camera, camera)
+        return self.vectors(describe(view, masks))
 
-    def opinions(self, described: npt.NDArray[np.float32]) -> list[npt.NDArray[np.float32]]:
-        """What looks, shape and ConSE say, unit vectors (n, 384) each, of descriptions (n, N_DESCRIPTION)."""
-        head = described[:, N_FEATURES - CHANNELS[-1] : N_FEATURES]
-        return [
-            self._heads["looks"](described),
-            self._heads["shape"](described[:, N_FEATURES:]),
-            unit(self._conse(self.backbone.class_logits(head)) - self._mean),
-        ]
+    def encode_crops(self, crops: list[npt.NDArray[np.uint8]]) -> npt.NDArray[np.float32]:
+        """Unit vectors (n, D) float32 of n pictures (h, w, 3) uint8, each of one thing; without depth, so ConSE has the say.
+
+        A crop says nothing of size, height and form, which the trained heads need; so only what was learned from ImageNet is asked.
+        """
+        if not crops:
+            return np.zeros((0, self.dim), np.float32)
+        pooled = [self.front.backbone.dense(crop)[-1].mean((1, 2)) for crop in crops]
+        vectors = self._words_of_head(np.stack(pooled)) * 0.5
+        return self._as_cosines(Opinions(vectors, self._log_z(vectors)))
+
+    def vectors(self, described: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        """Unit vectors (n, D) of descriptions (n, N_DESCRIPTION)."""
+        vectors = fuse(self.opinions(described))
+        return self._as_cosines(Opinions(vectors, self._log_z(vectors)))
+
+    def opinions(self, described: npt.NDArray[np.float32]) -> dict[str, npt.NDArray[np.float32]]:
+        """What each head and ConSE say, unit vectors (n, 384) by name."""
+        said = {name: head(described[:, HEADS[name]]) for name, head in self._heads.items()}
+        said["conse"] = self._words_of_head(described[:, N_FEATURES - CHANNELS[-1] : N_FEATURES])
+        return said
+
+    def _words_of_head(self, pooled: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        return unit(self._conse(self.front.backbone.class_logits(pooled)) - self._mean)
+
+    def _log_z(self, vectors: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        return np.asarray(np.log(np.exp(SHARPNESS * (vectors @ self._bank.T)).sum(1)), np.float32)
+
+    @staticmethod
+    def _as_cosines(opinions: Opinions) -> npt.NDArray[np.float32]:
+        """[a v, b (L - log Z), r v/|v|] as unit vectors."""
+        a, b = _GAIN * SHARPNESS / _TEXT, _GAIN / _BIAS
+        left = np.hstack([a * opinions.vectors, b * (_CENTRE - opinions.log_z)[:, None]])
+        length = np.linalg.norm(left, axis=1, keepdims=True)
+        left /= np.maximum(length, 1.0)
+        rest = np.sqrt(np.maximum(1.0 - np.minimum(length, 1.0) ** 2, 0.0))
+        return unit(np.hstack([left, rest * unit(opinions.vectors)]))
 
 
-def describe(
-    maps: list[npt.NDArray[np.float32]],
-    rgb: npt.NDArray[np.uint8],
-    depth: npt.NDArray[np.float32],
-    masks: Masks,
-    T_world_camera: npt.NDArray[np.floating],
-    camera: PinholeCamera,
-) -> npt.NDArray[np.float32]:
-    """Pooled features and shape of each mask side by side, (n, N_DESCRIPTION) float32; maps are the backbone's of ``rgb``."""
-    surface = working_picture(rgb, depth, T_world_camera, camera)
-    return np.hstack([pool_regions(maps, masks.labels, len(masks)), shape_features(surface, masks)])
+def describe(view: View, masks: Masks) -> npt.NDArray[np.float32]:
+    """Descriptions (n, N_DESCRIPTION) float32 of masks of a picture."""
+    camera, surface, n = view.camera, view.surface, len(masks)
+    offset = surface.step // 2
+    labels = np.ascontiguousarray(masks.labels[offset :: surface.step, offset :: surface.step])
+    cells = cover(labels, n, surface.step, camera.height, camera.width)
+    pooled = [means(c, m) for c, m in zip(cells, view.maps, strict=True)]
+    neck = [means(cells[1], m) for m in (view.features.shape, view.features.looks)]
+    return np.hstack([*pooled, shape_features(surface, labels, n), *neck])
 
 
-def fuse(opinions: list[npt.NDArray[np.float32]]) -> npt.NDArray[np.float32]:
-    """Unit vectors (n, 384) of each branch -> one unit vector (n, 3 * 384), whose cosines are weighted means of the branches'."""
-    return np.hstack([scale * f for scale, f in zip(_SCALES, opinions, strict=True)])
+def fuse(opinions: dict[str, npt.NDArray[np.float32]]) -> npt.NDArray[np.float32]:
+    """v (n, 384), the weighted mean of the opinions."""
+    total = sum(WEIGHTS.values())
+    return np.asarray(sum(WEIGHTS[name] / total * said for name, said in opinions.items()), np.float32)

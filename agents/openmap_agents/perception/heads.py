@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
 from openmap_agents.perception.conse import unit
+from openmap_agents.perception.protocol import Calibration
 from openmap_agents.perception.weights import FOLDER, load_weights
 
 PARTS = ("mean", "std", "w1", "b1", "w2", "b2")
@@ -25,20 +27,39 @@ class RegionHead:
         return unit(hidden @ self._w2.T + self._b2)
 
 
-def load_heads(
-    inputs: dict[str, int], dim: int, path: str | Path = FOLDER / "regions.npz"
-) -> tuple[dict[str, RegionHead], npt.NDArray[np.float32]]:
-    """The heads by name, each with that many inputs, into ``dim`` dimensions; and the mean (dim,) of the words they learned.
+@dataclass(frozen=True)
+class Heads:
+    """What the encoder learned.
+
+    Parameters
+    ----------
+    heads : {name: RegionHead}
+    mean : (D,) float32
+        Of the vectors of the names learned.
+    bank : (names, D) float32
+        Their unit vectors, less the mean.
+    calibration : Calibration
+    """
+
+    heads: dict[str, RegionHead]
+    mean: npt.NDArray[np.float32]
+    bank: npt.NDArray[np.float32]
+    calibration: Calibration
+
+
+def load_heads(inputs: dict[str, int], dim: int, path: str | Path = FOLDER / "regions.npz") -> Heads:
+    """The heads by name, each with that many inputs, into ``dim`` dimensions.
 
     Raises
     ------
     DataError
         The weights cannot be used.
     """
-    shapes: dict[str, tuple[int | None, ...]] = {"words.mean": (dim,)}
+    shapes: dict[str, tuple[int | None, ...]] = {"words.mean": (dim,), "words.bank": (None, dim), "calibration": (2,)}
     for name, n in inputs.items():
         ends = ((n,), (n,), (None, n), (None,), (dim, None), (dim,))
         shapes |= {f"{name}.{part}": shape for part, shape in zip(PARTS, ends, strict=True)}
     arrays = load_weights(Path(path), shapes)
     heads = {name: RegionHead({part: arrays[f"{name}.{part}"] for part in PARTS}) for name in inputs}
-    return heads, arrays["words.mean"]
+    slope, offset = arrays["calibration"].tolist()
+    return Heads(heads, arrays["words.mean"], unit(arrays["words.bank"]), Calibration(slope, offset))

@@ -1,9 +1,10 @@
 """RGB, depth and gravity -> class-agnostic masks of things.
 
-Patches (``superpixels``) are joined to a tree (``regions``), each step the pair that most likely lies on one thing. A second
-network reads every node of the tree, the way to its root included, and says how well it would do as a mask; the masks are the
-cut through the tree that promises most. A third says which of them are floor, wall or ceiling: those are dropped.
-All of it happens on the working picture of ``surface``. ``train`` made the networks.
+Patches (``superpixels``) are described by what they measure and by what the neck says of their pixels (``regions``), and joined to a
+tree (``joining``), each step the pair that most likely lies on one thing. Every node of the tree is a proposal; a second network
+reads it, the way to its root included, and says how well it would do as a mask and whether it is floor, wall or ceiling. The
+masks are the cut through the tree that promises most, so of overlapping proposals the best are kept and no two overlap.
+All of it happens on the working picture of ``surface``.
 """
 
 from __future__ import annotations
@@ -13,19 +14,13 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from openmap_agents.perception.front import FrontEnd, View
+from openmap_agents.perception.joining import N_PAIR, Network, Tree, agglomerate, best_cut
+from openmap_agents.perception.maps import cells_of
 from openmap_agents.perception.protocol import Masks
-from openmap_agents.perception.regions import (
-    N_PAIR,
-    N_REGION,
-    Network,
-    Tree,
-    agglomerate,
-    best_cut,
-    describe,
-    region_features,
-)
+from openmap_agents.perception.regions import N_REGION, Regions, add_belonging, describe, region_features
 from openmap_agents.perception.superpixels import superpixels
-from openmap_agents.perception.surface import Surface, to_full_size, working_picture
+from openmap_agents.perception.surface import Surface, to_full_size
 from openmap_agents.perception.weights import FOLDER, load_weights
 from openmap_scenes import PinholeCamera
 
@@ -44,9 +39,7 @@ def plain_join() -> Network:
 
 def patches_of(surface: Surface) -> npt.NDArray[np.int32]:
     """Patch numbers (h, w) from 0 without gaps; -1 where there is no depth, since such a patch has no place in the world."""
-    patches = superpixels(surface)
-    kept, inverse = np.unique(np.where(surface.depth > 0, patches, -1), return_inverse=True)
-    return np.asarray(inverse.reshape(patches.shape) - (1 if kept[0] == -1 else 0), np.int32)
+    return superpixels(surface, seen_only=True)
 
 
 def node_features(tree: Tree, floor: float, pixels: int) -> npt.NDArray[np.float64]:
@@ -54,7 +47,16 @@ def node_features(tree: Tree, floor: float, pixels: int) -> npt.NDArray[np.float
     made, joined = np.ones(len(tree.sums)), np.zeros(len(tree.sums))
     made[tree.n_leaves :] = tree.probabilities
     joined[tree.children[:, 0]] = joined[tree.children[:, 1]] = tree.probabilities
-    return np.column_stack([region_features(tree, floor, pixels), made, joined])
+    return np.column_stack([region_features(tree.sums, tree.extremes, floor, pixels), made, joined])
+
+
+def described(
+    patches: npt.NDArray[np.int32], surface: Surface, belonging: npt.NDArray[np.float32], camera: PinholeCamera
+) -> Regions:
+    """The patches' descriptions, what the neck says included."""
+    regions = describe(patches, surface)
+    add_belonging(regions, patches, belonging, *cells_of(surface.step, 4, camera.height, camera.width))
+    return regions
 
 
 def _network(arrays: dict[str, npt.NDArray[np.float32]], name: str) -> Network:
@@ -67,7 +69,9 @@ class EmbeddedSegmenter:
     Parameters
     ----------
     weights : Path, optional
-        Its networks; the installed ones by default.
+        The folder of its networks; the installed one by default.
+    front : FrontEnd, optional
+        Shared with the encoder, so that a picture is looked at once.
 
     Raises
     ------
@@ -75,7 +79,7 @@ class EmbeddedSegmenter:
         The weights cannot be used.
     """
 
-    def __init__(self, weights: str | Path = FOLDER / "segmenter.npz") -> None:
+    def __init__(self, weights: str | Path = FOLDER, front: FrontEnd | None = None) -> None:
         shapes: dict[str, tuple[int | None, ...]] = {}
         for name, inputs, outputs in (("join", N_PAIR, 1), ("node", N_NODE, 2)):
             shapes |= {
@@ -84,8 +88,9 @@ class EmbeddedSegmenter:
                 f"{name}.w2": (outputs, None),
                 f"{name}.b2": (outputs,),
             }
-        arrays = load_weights(Path(weights), shapes)
+        arrays = load_weights(Path(weights) / "segmenter.npz", shapes)
         self._join, self._node = _network(arrays, "join"), _network(arrays, "node")
+        self.front = front or FrontEnd(weights)
 
     def segment(
         self,
@@ -96,13 +101,20 @@ class EmbeddedSegmenter:
     ) -> Masks:
         """Masks of a picture; none where there is no depth, none of floors, walls and ceilings.
 
-        A mask's score is the IoU with a thing that the network promises.
+        A mask's score is the IoU with a thing that the network promises, times the odds that it is a thing.
         """
-        surface = working_picture(rgb, depth, T_world_camera, camera)
+        view = self.front.look(rgb, depth, T_world_camera, camera)
+        labels, scores = self._masks(view)
+        return Masks(to_full_size(labels, view.surface.step, camera.height, camera.width), scores)
+
+    def _masks(self, view: View) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.float32]]:
+        """Labels of the working picture and their scores."""
+        surface = view.surface
         patches = patches_of(surface)
-        if patches.max() < 0:
-            return Masks(np.zeros((camera.height, camera.width), np.int32), np.zeros(0, np.float32))
-        tree, _ = agglomerate(describe(patches, surface), surface.floor, self._join, LOWEST_JOIN)
+        if patches.max(initial=-1) < 0:
+            return np.zeros(surface.depth.shape, np.int32), np.zeros(0, np.float32)
+        regions = described(patches, surface, view.features.belonging, view.camera)
+        tree, _ = agglomerate(regions, surface.floor, self._join, LOWEST_JOIN)
         promise, structure = self._node(node_features(tree, surface.floor, patches.size)).T
         owner = best_cut(tree, tree.sums[:, 0] * promise)
         smallest = MIN_PIXELS_VGA / (640 * 480) * patches.size
@@ -110,5 +122,5 @@ class EmbeddedSegmenter:
         nodes = nodes[(tree.sums[nodes, 0] >= smallest) & (structure[nodes] < _STRUCTURE_AT)]
         number = np.zeros(len(tree.sums) + 1, np.int32)
         number[nodes] = np.arange(1, len(nodes) + 1)
-        labels = number[np.append(owner, len(tree.sums))[patches]]
-        return Masks(to_full_size(labels, surface.step, camera.height, camera.width), promise[nodes].astype(np.float32))
+        scores = promise[nodes] * (1.0 - structure[nodes])
+        return number[np.append(owner, len(tree.sums))[patches]], scores.astype(np.float32)

@@ -6,7 +6,6 @@ import numba
 import numpy as np
 import numpy.typing as npt
 
-from openmap_agents.perception.protocol import Masks
 from openmap_agents.perception.surface import Surface
 
 N_SHAPE = 16
@@ -121,18 +120,17 @@ def _extents(
     return out
 
 
-def shape_features(surface: Surface, masks: Masks) -> npt.NDArray[np.float32]:
-    """What the working picture says of each mask 1..n, (n, N_SHAPE) float32; a mask without depth gets a row of zeros.
+def shape_features(surface: Surface, labels: npt.NDArray[np.int32], n: int) -> npt.NDArray[np.float32]:
+    """What the working picture says of each label 1..n of it (h, w), (n, N_SHAPE) float32; one without depth gets zeros.
 
     Raises
     ------
     ValueError
-        The masks are of a picture of another size.
+        The labels are of a picture of another size.
     """
-    offset, step, n = surface.step // 2, surface.step, len(masks)
-    labels = np.ascontiguousarray(masks.labels[offset::step, offset::step], np.int32)
     if labels.shape != surface.depth.shape:
-        raise ValueError(f"masks fill {labels.shape} pixels of the working picture, expected {surface.depth.shape}")
+        raise ValueError(f"labels are {labels.shape}, expected {surface.depth.shape} as the working picture")
+    labels = np.ascontiguousarray(labels, np.int32)
     points, normals, depth = surface.points.reshape(-1, 3), surface.normals.reshape(-1, 3), surface.depth.ravel()
     pixels, first, m = _by_label(labels, surface.depth, n)
     _fill_moments(pixels, first, points, normals, m)

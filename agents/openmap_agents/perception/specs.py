@@ -14,7 +14,7 @@ from openmap_agents.perception.noise import OracleNoise
 from openmap_agents.perception.stored_frames import ORDERS, Order
 from openmap_scenes import DataError
 
-_BOTH = ("embedded", "oracle", "oracle:<noise>")
+_BOTH = ("embedded", "embedded:<folder of weights>", "oracle", "oracle:<noise>")
 SEGMENTERS = (*_BOTH, "sam:<folder or encoder.onnx>", "yolo:<model.onnx>", "precomputed:<folder>")
 ENCODERS = (*_BOTH, "clip-onnx:<folder>", "openclip:<architecture>/<tag>", "precomputed:<folder>")
 _MINILM = "all-MiniLM-L6-v2"
@@ -142,7 +142,8 @@ def _read(spec: str, what: str, forms: tuple[str, ...], paths: bool = True) -> S
         OracleNoise.parse(rest)
     if family == "precomputed":
         found = Spec(spec, family, *_options(rest, spec, paths))
-    if paths and family in ("sam", "yolo", "clip-onnx", "precomputed") and not Path(found.rest).exists():
+    named = family in ("sam", "yolo", "clip-onnx", "precomputed") or (family == "embedded" and bool(rest))
+    if paths and named and not Path(found.rest).exists():
         raise DataError(found.rest, "nothing there", f"what {what} {spec!r} names")
     return found
 

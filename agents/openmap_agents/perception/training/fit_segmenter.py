@@ -1,24 +1,28 @@
-"""Trains the segmenter's two networks on views whose ids are known.
+"""Trains the segmenter's two small networks: which pairs belong together, and how good a mask every node of the tree would be.
 
-The join network learns from the pairs that it meets itself: the first round joins by a hand-set rule, each later one by the
-network of the round before (Ross et al., A Reduction of Imitation Learning to No-Regret Online Learning, AISTATS 2011). The node
-network learns the IoU of every node of the resulting trees with the thing it shows most of, and whether that is structure.
+The first learns from the pairs that the joining meets, joined by itself, round after round, since its own mistakes make the pairs
+(Ross et al., DAgger, AISTATS 2011). The second learns the IoU of every node with the thing most of it shows, and whether that is floor,
+wall or ceiling.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 import torch
 from torch import nn
 
-from openmap_agents.perception.regions import N_PAIR, Network, Tree, agglomerate, describe
-from openmap_agents.perception.segmenter import LOWEST_JOIN, node_features, patches_of, plain_join
-from openmap_agents.perception.surface import working_picture
-from openmap_agents.perception.views import View
-from openmap_scenes import PinholeCamera
+from openmap_agents.perception.joining import N_PAIR, Network, Tree, agglomerate
+from openmap_agents.perception.maps import cells_of
+from openmap_agents.perception.neck import Neck
+from openmap_agents.perception.regions import Regions, add_belonging
+from openmap_agents.perception.segmenter import LOWEST_JOIN, node_features, plain_join
+from openmap_agents.perception.training.shards import Shard, dequantised
+from openmap_agents.perception.views import STRUCTURE
 
 HIDDEN = 32
 _PURE = 0.8  # a region counts as showing one thing if this share of it does
@@ -30,11 +34,33 @@ _SMALLEST = 40  # working pixels below which a node teaches nothing
 
 @dataclass(frozen=True)
 class Sample:
-    """A view as the networks see it: the patches' ids (h, w) and which ids are structure."""
+    """A view: its patches (h, w), their description, the number (h, w) of the thing at each pixel, which numbers are structure."""
 
-    view: View
-    camera: PinholeCamera
-    structure: frozenset[int]
+    patches: npt.NDArray[np.int16]
+    regions: Regions
+    floor: float
+    local: npt.NDArray[np.uint8]
+    structure: npt.NDArray[np.bool_]
+
+
+def samples(paths: list[Path], neck: Neck, most: int, progress: Callable[[], None]) -> list[Sample]:
+    """At most ``most`` views of each home, with what the neck says of their patches."""
+    out = []
+    for path in paths:
+        shard = Shard(path)
+        for k in [k for k in range(shard.n) if shard.has_patches(k)][:most]:
+            lesson = shard.lesson(k)
+            assert lesson.patches is not None
+            features = neck(dequantised(lesson), lesson.geometry.astype(np.float32))
+            (h, w), patches = lesson.local.shape, lesson.patches
+            step = round(features.looks.shape[2] * 8 / w)
+            where = cells_of(step, 4, h * step, w * step)
+            add_belonging(patches.regions, patches.patches.astype(np.int32), features.belonging, *where)
+            names = [shard.names.get(i, "") for i in lesson.present.tolist()]
+            structure = np.array([True, *(name in STRUCTURE for name in names)])
+            out.append(Sample(patches.patches, patches.regions, patches.floor, lesson.local, structure))
+        progress()
+    return out
 
 
 def fit(
@@ -71,13 +97,12 @@ def average(networks: list[Network]) -> Network:
     return Network(np.concatenate(w1), np.concatenate(b1), share * np.concatenate(w2, axis=1), np.mean(b2, axis=0))
 
 
-def _histogram(
-    tree: Tree, patches: npt.NDArray[np.int32], ids: npt.NDArray[np.int64], n_ids: int
-) -> npt.NDArray[np.float64]:
-    """Pixels of each id under each node, (n + k, n_ids)."""
-    n, seen = tree.n_leaves, patches >= 0
-    counts = np.zeros((len(tree.sums), n_ids))
-    counts[:n] = np.bincount(patches[seen] * n_ids + ids[seen], minlength=n * n_ids).reshape(n, n_ids)
+def _histogram(tree: Tree, sample: Sample) -> npt.NDArray[np.float64]:
+    """Pixels of each number under each node, (n + k, numbers)."""
+    n, m, seen = tree.n_leaves, len(sample.structure), sample.patches >= 0
+    counts = np.zeros((len(tree.sums), m))
+    flat = sample.patches[seen].astype(np.int64) * m + sample.local[seen]
+    counts[:n] = np.bincount(flat, minlength=n * m).reshape(n, m)
     for i, (a, b) in enumerate(tree.children, start=n):
         counts[i] = counts[a] + counts[b]
     return counts
@@ -95,19 +120,11 @@ class Lessons:
     node_weights: npt.NDArray[np.float32]
 
 
-def lessons(sample: Sample, join: Network, rng: np.random.Generator) -> Lessons | None:
+def lessons(sample: Sample, join: Network, rng: np.random.Generator) -> Lessons:
     """What one view teaches when its patches are joined by ``join``."""
-    surface = working_picture(sample.view.frame.rgb, sample.view.frame.depth, sample.view.T_world_camera, sample.camera)
-    patches = patches_of(surface)
-    if patches.max() < 1:
-        return None
     log = (np.empty((_LOG, 2), np.int32), np.empty((_LOG, N_PAIR)))
-    tree, logged = agglomerate(describe(patches, surface), surface.floor, join, LOWEST_JOIN, log)
-    offset = surface.step // 2
-    present, ids = np.unique(
-        sample.view.frame.instance[offset :: surface.step, offset :: surface.step], return_inverse=True
-    )
-    counts = _histogram(tree, patches, ids.reshape(patches.shape), len(present))
+    tree, logged = agglomerate(sample.regions, sample.floor, join, LOWEST_JOIN, log)
+    counts = _histogram(tree, sample)
     size, main = counts.sum(1), counts.argmax(1)
     most = counts[np.arange(len(main)), main]
     pure = most >= _PURE * size
@@ -116,38 +133,38 @@ def lessons(sample: Sample, join: Network, rng: np.random.Generator) -> Lessons 
     chosen = np.flatnonzero(pure[pairs].all(1))
     chosen = rng.permutation(chosen)[:_PAIRS_A_VIEW]
     nodes = np.flatnonzero(size >= _SMALLEST)
-    things = np.bincount(ids.ravel(), minlength=len(present))
+    things = np.bincount(sample.local.ravel(), minlength=counts.shape[1])
     iou = most / (size + things[main] - most)
-    structure = np.isin(present[main], [*sample.structure, 0])
     return Lessons(
         log[1][chosen].astype(np.float32),
         (main[pairs[chosen, 0]] == main[pairs[chosen, 1]]).astype(np.float32)[:, None],
         np.sqrt(size[pairs[chosen]].min(1)).astype(np.float32)[:, None],
-        node_features(tree, surface.floor, patches.size)[nodes].astype(np.float32),
-        np.stack([iou, structure], 1)[nodes].astype(np.float32),
+        node_features(tree, sample.floor, sample.patches.size)[nodes].astype(np.float32),
+        np.stack([iou, sample.structure[main]], 1)[nodes].astype(np.float32),
         np.sqrt(size[nodes]).astype(np.float32)[:, None],
     )
 
 
-def train_segmenter(samples: list[Sample], seed: int, rounds: int = 3) -> dict[str, npt.NDArray[np.float64]]:
+def fit_segmenter(
+    every: list[Sample], seed: int, rounds: int, report: Callable[[dict[str, float]], None]
+) -> dict[str, npt.NDArray[np.float64]]:
     """The weights of the two networks, as ``EmbeddedSegmenter`` reads them."""
     join, pairs = plain_join(), []
     taught: list[Lessons] = []
     for i in range(rounds):
         rng = np.random.default_rng([seed, i])
-        taught = [t for t in (lessons(s, join, rng) for s in samples) if t is not None]
+        taught = [lessons(s, join, rng) for s in every]
         pairs += taught
         if i < rounds - 1:
             x, y, w = (np.concatenate([getattr(t, a) for t in pairs]) for a in ("pairs", "same", "pair_weights"))
             join = fit(x, y, w, seed)
-            error = float(((join(x) > 0.5) != (y > 0.5)).mean())
-            print(f"joins, round {i + 1}: {len(x)} pairs, {error:.1%} wrong")
+            report({"round": i + 1.0, "pairs": float(len(x)), "wrong": float(((join(x) > 0.5) != (y > 0.5)).mean())})
     # The nodes of the last round come from the network that is kept.
     x, y, w = (np.concatenate([getattr(t, a) for t in taught]) for a in ("nodes", "targets", "node_weights"))
     # Several, because what one of them takes for a wall in a strange house is a matter of luck.
     node = average([fit(x, y, w, seed + i) for i in range(_NODE_NETWORKS)])
-    error, mistaken = float(np.abs(node(x) - y)[:, 0].mean()), float(((node(x) > 0.5) != (y > 0.5))[:, 1].mean())
-    print(f"nodes: {len(x)}, IoU off by {error:.3f}, structure {mistaken:.1%} wrong")
+    off, mistaken = float(np.abs(node(x) - y)[:, 0].mean()), float(((node(x) > 0.5) != (y > 0.5))[:, 1].mean())
+    report({"nodes": float(len(x)), "iou_off": off, "structure_wrong": mistaken})
     return {
         f"{name}.{part}": array
         for name, network in (("join", join), ("node", node))
