@@ -64,9 +64,7 @@ N_COLOUR = 32
 _QUANTILES = (0.1, 0.25, 0.5, 0.75, 0.9)
 
 
-def colour_features(
-    lab: npt.NDArray[np.float32], labels: npt.NDArray[np.int32], n: int
-) -> npt.NDArray[np.float32]:
+def colour_features(lab: npt.NDArray[np.float32], labels: npt.NDArray[np.int32], n: int) -> npt.NDArray[np.float32]:
     """What the working picture says of the colour of each label 1..n, (n, N_COLOUR) float32.
 
     Quantiles of L*, a*, b* (15), the share of pixels that each word would be used for (13), and of the whole picture the mean

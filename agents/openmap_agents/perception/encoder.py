@@ -1,13 +1,14 @@
 """The default encoder: what a region looks like and how it is shaped, as a place in the space of words.
 
-Four opinions are added up, each a unit vector f_b in the text encoder's space less the mean of the names of household things (what all
-words of a home have in common says nothing): heads trained on looks and shape, on what the neck says, on shape alone, and ConSE,
-which was not trained on homes and knows a thousand other things. v = sum_b w_b f_b, with weights that sum to one.
+Four opinions are added up, each a unit vector f_b in the text encoder's space less the mean of the names of household things
+(what all words of a home have in common says nothing): heads trained on looks and shape, on what the neck says, on shape alone,
+and ConSE, which was not trained on homes and knows a thousand other things. v = sum_b w_b f_b, with weights that sum to one.
 
-Calibration. ``S v.t`` are the logits of a softmax over the bank of the names that were learned, so S v.t - log Z says how well a
-text fits *compared with what else the region may be*; a region that is surely a pillow is then a poor "sofa" although both words lie
-close. This is put into a plain cosine: a text t becomes [c t, s, 0], a region [a v, b (L - log Z), r v/|v|], where r fills up to length
-one, so that a cosine is g (S v.t - log Z + L), the same affine function of a log-probability for every region and text.
+Calibration. ``S v.t`` are the logits of a softmax over the bank of the names that were learned, so S v.t - log Z says how well
+a text fits *compared with what else the region may be*; a region that is surely a pillow is then a poor "sofa" although both
+words lie close. This is put into a plain cosine: a text t becomes [c t, s, 0], a region [a v, b (L - log Z), r v/|v|], where r
+fills up to length one, so that a cosine is g (S v.t - log Z + L), the same affine function of a log-probability for every region
+and text.
 """
 
 from __future__ import annotations

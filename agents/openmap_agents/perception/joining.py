@@ -84,7 +84,9 @@ def _pair_row(
 
 
 @numba.njit(cache=True)
-def _probability(x: np.ndarray, w1: np.ndarray, b1: np.ndarray, w2: np.ndarray, b2: np.ndarray, hidden: np.ndarray) -> float:
+def _probability(
+    x: np.ndarray, w1: np.ndarray, b1: np.ndarray, w2: np.ndarray, b2: np.ndarray, hidden: np.ndarray
+) -> float:
     """First output of the network: sigmoid(w2 relu(x w1 + b1) + b2); w1 is (inputs, hidden) here, so that the inner loop is one of
     independent sums, which the compiler may do several at a time."""
     hidden[:] = b1
@@ -259,7 +261,14 @@ def agglomerate(
     """
     sums, extremes = regions.sums.copy(), regions.extremes.copy()
     children, probabilities, joined_sums, joined_extremes, logged = _agglomerate(
-        sums, extremes, regions.boundary.copy(), floor, stop, np.ascontiguousarray(network.w1.T), *network.arrays()[1:], *log
+        sums,
+        extremes,
+        regions.boundary.copy(),
+        floor,
+        stop,
+        np.ascontiguousarray(network.w1.T),
+        *network.arrays()[1:],
+        *log,
     )
     tree = Tree(
         children,

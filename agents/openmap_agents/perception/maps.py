@@ -18,8 +18,8 @@ ALIGN = STRIDES[-1]
 FRONT_WIDTH = 640
 N_GEOMETRY = 6
 N_BELONGING, N_CLASSES = 12, 4
-"""Channels of the neck's map of stride 4: a place in a space where one thing's pixels lie together; the logits of thing, wall, floor
-and ceiling."""
+"""Channels of the neck's map of stride 4: a place in a space where one thing's pixels lie together; the logits of thing, wall,
+floor and ceiling."""
 
 
 def front_scale(width: int) -> int:
@@ -52,7 +52,9 @@ def cells_of(step: int, stride: int, height: int, width: int) -> tuple[npt.NDArr
     return rows, columns
 
 
-def geometry_map(surface: Surface, T_world_camera: npt.NDArray[np.floating], height: int, width: int) -> npt.NDArray[np.float32]:
+def geometry_map(
+    surface: Surface, T_world_camera: npt.NDArray[np.floating], height: int, width: int
+) -> npt.NDArray[np.float32]:
     """What depth says at stride 4, (N_GEOMETRY, h, w) float32: normal (right, up, back), height above the floor, log depth, seen.
 
     The normal's axes are level and turned with the camera, so that neither tilt nor heading of the camera matters. Zeros where
@@ -80,9 +82,7 @@ def geometry_map(surface: Surface, T_world_camera: npt.NDArray[np.floating], hei
     ).astype(np.float32)
 
 
-def cover(
-    labels: npt.NDArray[np.integer], n: int, step: int, height: int, width: int
-) -> list[npt.NDArray[np.float32]]:
+def cover(labels: npt.NDArray[np.integer], n: int, step: int, height: int, width: int) -> list[npt.NDArray[np.float32]]:
     """How much of each cell each label 1..n of the working picture covers: [(n, h_s * w_s) float32 px] at strides 4 to 32."""
     h, w = map_shape(height, width, 4)
     rows, columns = cells_of(step, 4, height, width)

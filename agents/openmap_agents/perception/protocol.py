@@ -72,7 +72,11 @@ class Encoder(Protocol):
     """Words and regions -> one space of D dimensions, in which the cosine says how well they fit."""
 
     dim: int
-    calibration: Calibration
+
+    @property
+    def calibration(self) -> Calibration:
+        """What a cosine of this encoder's means."""
+        ...
 
     def encode_text(self, texts: list[str]) -> npt.NDArray[np.float32]:
         """Unit vectors (n, D) float32."""

@@ -28,8 +28,8 @@ N_BOUNDARY = 8
 N_MEASURED_BETWEEN = 7
 N_REGION = 23 + N_CLASSES
 FARTHEST = 20.0  # beyond this |e_p - e_q|^2 says no more
-# What is worked out once of every region: mean (3), deviations along its principal axes (3), its plane's normal (3), its mean normal
-# (3), mean e, mean logits, scatter of e
+# What is worked out once of every region: mean (3), deviations along its principal axes (3), its plane's normal (3), its mean
+# normal (3), mean e, mean logits, scatter of e
 MEAN, SPREAD, AXIS, NORMAL, PLACE_OF_E = 0, 3, 6, 9, 12
 LOGITS = PLACE_OF_E + N_BELONGING
 SCATTER = LOGITS + N_CLASSES
@@ -127,7 +127,12 @@ def describe(patches: npt.NDArray[np.int32], surface: Surface) -> Regions:
 
 @numba.njit(cache=True)
 def _add_belonging(
-    patches: np.ndarray, rows: np.ndarray, columns: np.ndarray, cells: np.ndarray, sums: np.ndarray, boundary: np.ndarray
+    patches: np.ndarray,
+    rows: np.ndarray,
+    columns: np.ndarray,
+    cells: np.ndarray,
+    sums: np.ndarray,
+    boundary: np.ndarray,
 ) -> None:
     h, w = patches.shape
     channels = cells.shape[2]
@@ -166,7 +171,7 @@ def add_belonging(
     rows: npt.NDArray[np.int64],
     columns: npt.NDArray[np.int64],
 ) -> None:
-    """Add to the patches' descriptions what the neck says, (N_BELONGING + N_CLASSES, h4, w4); ``cells_of`` stride 4 gives the rest."""
+    """Add to the patches' descriptions what the neck says, (N_BELONGING + N_CLASSES, h4, w4); the rest is ``cells_of`` stride 4."""
     cells = np.ascontiguousarray(belonging.transpose(1, 2, 0))
     _add_belonging(patches, rows, columns, cells, regions.sums, regions.boundary)
 

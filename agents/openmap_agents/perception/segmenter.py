@@ -1,9 +1,9 @@
 """RGB, depth and gravity -> class-agnostic masks of things.
 
-Patches (``superpixels``) are described by what they measure and by what the neck says of their pixels (``regions``), and joined to a
-tree (``joining``), each step the pair that most likely lies on one thing. Every node of the tree is a proposal; a second network
-reads it, the way to its root included, and says how well it would do as a mask and whether it is floor, wall or ceiling. The
-masks are the cut through the tree that promises most, so of overlapping proposals the best are kept and no two overlap.
+Patches (``superpixels``) are described by what they measure and by what the neck says of their pixels (``regions``), and joined
+to a tree (``joining``), each step the pair that most likely lies on one thing. Every node of the tree is a proposal; a second
+network reads it, the way to its root included, and says how well it would do as a mask and whether it is floor, wall or ceiling.
+The masks are the cut through the tree that promises most, so of overlapping proposals the best are kept and no two overlap.
 All of it happens on the working picture of ``surface``.
 """
 

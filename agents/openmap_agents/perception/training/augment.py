@@ -73,7 +73,8 @@ class SensorNoise:
         angle = rng.uniform(0, np.pi)
         half = (length - 1) / 2
         ends = [np.array([half, half]) + s * half * np.array([np.cos(angle), np.sin(angle)]) for s in (-1, 1)]
-        cv2.line(kernel, *[tuple(int(round(c)) for c in end) for end in ends], 1.0)
+        first, last = ((round(float(e[0])), round(float(e[1]))) for e in ends)
+        cv2.line(kernel, first, last, 1.0)  # type: ignore[call-overload,unused-ignore]
         return np.asarray(cv2.filter2D(rgb, -1, kernel / kernel.sum(), borderType=cv2.BORDER_REPLICATE), np.uint8)
 
     def distance(self, depth: npt.NDArray[np.float32], rng: np.random.Generator) -> npt.NDArray[np.float32]:
@@ -84,7 +85,9 @@ class SensorNoise:
         shift = rng.uniform(0, self.shift)
         v, u = np.mgrid[:h, :w].astype(np.float32)
         wander = [cv2.resize(rng.standard_normal((h // 2 + 1, w // 2 + 1), np.float32), (w, h)) for _ in (0, 1)]
-        z = cv2.remap(depth, u + shift * wander[0], v + shift * wander[1], cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE)
+        z = cv2.remap(
+            depth, u + shift * wander[0], v + shift * wander[1], cv2.INTER_NEAREST, borderMode=cv2.BORDER_REPLICATE
+        )
         strength = rng.uniform(0.2, 1.0) * self.depth
         coarse = cv2.resize(rng.standard_normal((h // 4 + 1, w // 4 + 1), np.float32), (w, h))
         with np.errstate(divide="ignore"):
@@ -107,4 +110,4 @@ class SensorNoise:
         width = int(rng.integers(0, 4)) * max(1, w // 320)
         holes = cv2.dilate(edge, np.ones((1, width + 1), np.uint8)).astype(bool) if width else np.zeros((h, w), bool)
         field = cv2.resize(rng.standard_normal((7, 9), np.float32), (w, h), interpolation=cv2.INTER_CUBIC)
-        return holes | (field > rng.uniform(1.6, 3.0))
+        return np.asarray(holes | (field > rng.uniform(1.6, 3.0)), bool)

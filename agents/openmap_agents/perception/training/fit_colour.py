@@ -17,7 +17,10 @@ _HIDDEN, _EPOCHS, _BATCH = 64, 12, 512
 
 def _rows(regions: Regions) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int64], npt.NDArray[np.float32]]:
     known = np.array([word in COLOURS for word in regions.colour_words], bool)
-    x, y = regions.colour[known].astype(np.float32), np.array([COLOURS.index(w) for w in regions.colour_words if w in COLOURS])
+    x, y = (
+        regions.colour[known].astype(np.float32),
+        np.array([COLOURS.index(w) for w in regions.colour_words if w in COLOURS]),
+    )
     _, thing, views = np.unique(regions.things[known], return_inverse=True, return_counts=True)
     weight = 1.0 / np.sqrt(views[thing])
     mass = np.bincount(y, weight, len(COLOURS)) if len(y) else np.ones(len(COLOURS))
@@ -46,8 +49,8 @@ def fit_colour(
     hx, hy, _ = _rows(held)
     if len(hy):
         with torch.no_grad():
-            said = model.eval()(torch.from_numpy((hx - mean) / std)).argmax(1).numpy()
+            model.eval()
+            said = model(torch.from_numpy((hx - mean) / std)).argmax(1).numpy()
         report({"held_views": float(len(hy)), "right": float((said == hy).mean())})
-    first, last = model[0], model[3]
-    w1, b1, w2, b2 = (p.detach().numpy() for p in (first.weight, first.bias, last.weight, last.bias))
+    w1, b1, w2, b2 = (p.detach().numpy() for p in model.parameters())
     return {"mean": mean, "std": std, "w1": w1, "b1": b1, "w2": w2, "b2": b2}

@@ -147,7 +147,10 @@ class Teacher(nn.Module):
         self, batch: list[Example], bank: torch.Tensor, rng: np.random.Generator
     ) -> tuple[torch.Tensor, dict[str, float]]:
         """The loss of a batch, and its parts."""
-        inputs = [torch.stack(x).contiguous(memory_format=torch.channels_last) for x in zip(*(e.inputs for e in batch), strict=True)]
+        inputs = [
+            torch.stack(x).contiguous(memory_format=torch.channels_last)
+            for x in zip(*(e.inputs for e in batch), strict=True)
+        ]
         shape, looks, belonging = self.neck(*inputs)
         by_shape = torch.cat([e.cells @ s.flatten(1).T for e, s in zip(batch, shape, strict=True)])
         by_looks = torch.cat([e.cells @ s.flatten(1).T for e, s in zip(batch, looks, strict=True)])
@@ -161,7 +164,9 @@ class Teacher(nn.Module):
         loss = parts["shape"] + parts["looks"] + 2.0 * parts["pairs"] + parts["classes"]
         return loss, {k: float(v.detach()) for k, v in parts.items()}
 
-    def _pixels(self, belonging: torch.Tensor, e: Example, rng: np.random.Generator) -> tuple[torch.Tensor, torch.Tensor]:
+    def _pixels(
+        self, belonging: torch.Tensor, e: Example, rng: np.random.Generator
+    ) -> tuple[torch.Tensor, torch.Tensor]:
         h, w = e.local.shape
         p = np.stack([rng.integers(0, h, _PAIRS), rng.integers(0, w, _PAIRS)])
         q = (p + rng.integers(-_REACH, _REACH + 1, (2, _PAIRS))).clip(0, np.array([[h - 1], [w - 1]]))
@@ -261,8 +266,13 @@ def fit_neck(
             if i % 50 == 0:
                 report({"step": float(epoch * views + i)} | {k: v / 50 for k, v in sums.items()})
                 sums = {}
-        state = {"teacher": teacher.state_dict(), "optimiser": optimiser.state_dict(), "schedule": schedule.state_dict()}
+        state = {
+            "teacher": teacher.state_dict(),
+            "optimiser": optimiser.state_dict(),
+            "schedule": schedule.state_dict(),
+        }
         unfinished = checkpoint.with_suffix(".part")
         torch.save(state | {"epoch": epoch + 1}, unfinished)
         unfinished.replace(checkpoint)
-    return teacher.neck.eval()
+    neck: Neck = teacher.neck.eval()
+    return neck

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -72,8 +73,9 @@ def collect(paths: list[Path], bank: Bank, neck: Neck, progress: Callable[[], No
             colour.append(lesson.colour[known])
             words += [shard.colours.get(i, "") for i in ids[known].tolist()]
         progress()
-    parts = [np.concatenate(a) for a in (x, own, things, pixels, colour)]
-    return Regions(*parts, words)
+    parts = {"x": x, "own": own, "things": things, "pixels": pixels, "colour": colour}
+    stacked: dict[str, Any] = {name: np.concatenate(part) for name, part in parts.items()}
+    return Regions(colour_words=words, **stacked)
 
 
 def weights_of(regions: Regions) -> npt.NDArray[np.float32]:
@@ -82,7 +84,7 @@ def weights_of(regions: Regions) -> npt.NDArray[np.float32]:
     per_view = 1.0 / np.sqrt(views[thing])
     mass = np.bincount(regions.own, per_view)
     weight = per_view / np.sqrt(mass[regions.own])
-    return (weight / weight.mean()).astype(np.float32)
+    return np.asarray(weight / weight.mean(), np.float32)
 
 
 def fit_head(

@@ -1,8 +1,8 @@
 """Trains the segmenter's two small networks: which pairs belong together, and how good a mask every node of the tree would be.
 
-The first learns from the pairs that the joining meets, joined by itself, round after round, since its own mistakes make the pairs
-(Ross et al., DAgger, AISTATS 2011). The second learns the IoU of every node with the thing most of it shows, and whether that is floor,
-wall or ceiling.
+The first learns from the pairs that the joining meets, joined by itself, round after round, since its own mistakes make the
+pairs (Ross et al., DAgger, AISTATS 2011). The second learns the IoU of every node with the thing most of it shows, and whether
+that is floor, wall or ceiling.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Views of a scene to learn from, as a camera would give them: cameras of many kinds, at many heights, aimed at large and small things."""
+"""Views of a scene to learn from: many cameras, at many heights, aimed at large and small things, with a sensor's errors."""
 
 from __future__ import annotations
 

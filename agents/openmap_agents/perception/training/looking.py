@@ -10,7 +10,7 @@ from rich.progress import Progress
 
 from openmap_agents.perception.backbone import Backbone
 from openmap_agents.perception.training.frames import draw_camera, draw_sights
-from openmap_agents.perception.training.shards import look, save_shard
+from openmap_agents.perception.training.shards import Lesson, look, save_shard
 from openmap_scenes import load_scene
 
 
@@ -23,7 +23,7 @@ def look_at_home(spec: str, home: int, views: int, with_patches: int, seed: int,
     """The lessons of one home; the first ``with_patches`` of them are for the segmenter as well."""
     rng = np.random.default_rng([seed, home])
     scene, camera, backbone = load_scene(f"{spec}/{home}"), draw_camera(rng), Backbone()
-    lessons = []
+    lessons: list[Lesson] = []
     for sight in draw_sights(scene, camera, views, rng):
         lesson = look(sight, camera, backbone, rng, len(lessons) < with_patches)
         if lesson is not None:

@@ -125,16 +125,33 @@ def calibrate(scores: npt.NDArray[np.float32], own: npt.NDArray[np.int64]) -> tu
 def _heads(s: Settings, regions: Regions, bank: Bank, log: Log) -> dict[str, npt.NDArray[np.float32]]:
     weight = weights_of(regions)
     sizes = {"looks": (320, 0.6, 1), "neck": (224, 0.3, 1), "shape": (160, 0.1, 1)}
-    arrays = {}
+    arrays: dict[str, npt.NDArray[np.float32]] = {}
     for name, (hidden, dropout, factor) in sizes.items():
         parts = fit_head(
-            regions, HEADS[name], bank.vectors, weight, hidden, s.seed, factor * s.head_epochs, dropout, log(f"head {name}")
+            regions,
+            HEADS[name],
+            bank.vectors,
+            weight,
+            hidden,
+            s.seed,
+            factor * s.head_epochs,
+            dropout,
+            log(f"head {name}"),
         )
         arrays |= {f"{name}.{part}": array for part, array in parts.items()}
     return arrays
 
 
-def _fit_regions(s: Settings, paths: list[Path], bank: Bank, mean: npt.NDArray[np.float32], text: TextEncoder, log: Log, progress: Progress) -> None:  # fmt: skip
+def _fit_regions(
+    s: Settings,
+    paths: list[Path],
+    bank: Bank,
+    mean: npt.NDArray[np.float32],
+    text: TextEncoder,
+    log: Log,
+    progress: Progress,
+) -> None:
+    """Heads, their calibration and the colours, from all homes but the held ones."""
     neck = Neck(s.out / "neck.onnx", s.threads)
     task = progress.add_task("regions", total=len(paths))
     held_homes = min(s.held, len(paths) // 2)
@@ -148,9 +165,10 @@ def _fit_regions(s: Settings, paths: list[Path], bank: Bank, mean: npt.NDArray[n
     path = s.out / "regions.npz"
     save_weights(path, arrays)
     encoder = EmbeddedEncoder(text, s.out)
-    scores = np.concatenate(
-        [encoder.vectors(held.x[i : i + 4096].astype(np.float32)) for i in range(0, len(held), 4096)]
-    ) @ encoder.encode_text(bank.names).T
+    scores = (
+        np.concatenate([encoder.vectors(held.x[i : i + 4096].astype(np.float32)) for i in range(0, len(held), 4096)])
+        @ encoder.encode_text(bank.names).T
+    )
     arrays["calibration"] = np.array(calibrate(scores, held.own))
     save_weights(path, arrays)
     rank = (scores > scores[np.arange(len(held)), held.own][:, None]).sum(1)
@@ -188,7 +206,10 @@ def train(s: Settings, console: Console) -> None:
             _fit_regions(s, paths, bank, mean, text, log, progress)
         task = progress.add_task("segmenter", total=min(s.segmenter_homes, len(paths)))
         seen = samples(
-            paths[: s.segmenter_homes], Neck(s.out / "neck.onnx", s.threads), s.patch_views, lambda: progress.advance(task)
+            paths[: s.segmenter_homes],
+            Neck(s.out / "neck.onnx", s.threads),
+            s.patch_views,
+            lambda: progress.advance(task),
         )
         save_weights(s.out / "segmenter.npz", fit_segmenter(seen, s.seed, 3, log("segmenter")))
     _write_card(s, bank, log, time.monotonic() - start)

@@ -1,4 +1,4 @@
-"""What is seen of one home, on disk: maps of the frozen backbone, depth's maps, who is where. One file a home, so that work resumes.
+"""What is seen of one home, on disk: maps of the frozen backbone, depth's maps, who is where. One file a home, so work resumes.
 
 Looking is the slow part of training (rendering, the backbone), and nothing of it changes while the networks learn.
 """
@@ -126,14 +126,15 @@ def look(
     if patches.max() < 1:
         return None
     offset = surface.step // 2
-    present, local = np.unique(ids[offset :: surface.step, offset :: surface.step], return_inverse=True)
-    local = local.reshape(surface.depth.shape) + (0 if present[0] == 0 else 1)
+    present, found = np.unique(ids[offset :: surface.step, offset :: surface.step], return_inverse=True)
+    numbers = found.reshape(surface.depth.shape) + (0 if present[0] == 0 else 1)
     present = present[present > 0][:_MOST_LOCAL]
-    local = np.where(local <= _MOST_LOCAL, local, 0).astype(np.int32)
+    local = np.where(numbers <= _MOST_LOCAL, numbers, 0).astype(np.int32)
     rough = rough_masks(local, patches, rng)
+    both: tuple[npt.NDArray[np.int32], ...] = (local, rough)
     maps = backbone.dense(front_picture(rgb))
     rows: dict[str, list[Any]] = {"regions": [], "kind": [], "pixels": [], "pooled": [], "shape": [], "colour": []}
-    for kind, labels in enumerate((local, rough)):
+    for kind, labels in enumerate(both):
         kept = _kept(labels, len(present))
         number = np.zeros(len(present) + 1, np.int32)
         number[kept] = np.arange(1, len(kept) + 1)
@@ -233,12 +234,9 @@ class Shard:
             boundary = np.zeros((len(sums), len(sums), N_BOUNDARY), np.float32)
             boundary[pairs[:, 0], pairs[:, 1], :N_MEASURED_BETWEEN] = f[f"{k}.between"]
             patches = Patches(f[f"{k}.patches"], Regions(sums, f[f"{k}.extremes"], boundary), float(f[f"{k}.floor"]))
-        return Lesson(
-            [f[f"{k}.map{s}"] for s in range(KEPT_MAPS)],
-            [f[f"{k}.scale{s}"] for s in range(KEPT_MAPS)],
-            *(f[f"{k}.{name}"] for name in _FIELDS),
-            patches,
-        )
+        kept: dict[str, Any] = {name: f[f"{k}.{name}"] for name in _FIELDS}
+        maps, scales = ([f[f"{k}.{part}{s}"] for s in range(KEPT_MAPS)] for part in ("map", "scale"))
+        return Lesson(maps, scales, patches=patches, **kept)
 
 
 def dequantised(lesson: Lesson) -> list[npt.NDArray[np.float32]]:
@@ -247,5 +245,3 @@ def dequantised(lesson: Lesson) -> list[npt.NDArray[np.float32]]:
         m.astype(np.float32) * s.astype(np.float32)[:, None, None]
         for m, s in zip(lesson.maps, lesson.scales, strict=True)
     ]
-
-
