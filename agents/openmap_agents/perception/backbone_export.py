@@ -13,6 +13,7 @@ from typing import Any
 import torch
 from torch import nn
 
+from openmap_agents.perception.export import export_onnx
 from openmap_scenes import DataError
 
 # After these blocks the resolution is a quarter, an eighth and a sixteenth of the picture's; the head ends at 1/32.
@@ -106,19 +107,7 @@ def export(path: Path) -> None:
     classifier = path.with_suffix(f".{os.getpid()}.npz")
     np.savez(classifier, weight=model._fc.weight.detach().numpy(), bias=model._fc.bias.detach().numpy())
     os.replace(classifier, path.with_suffix(".npz"))
-    unfinished = path.with_suffix(f".{os.getpid()}.part")
-    with torch.no_grad():
-        torch.onnx.export(
-            Taps(model).eval(),
-            (torch.zeros(1, 3, 64, 64),),
-            str(unfinished),
-            opset_version=17,
-            input_names=["rgb"],
-            output_names=["s4", "s8", "s16", "s32"],
-            dynamo=False,
-            dynamic_axes={"rgb": {0: "n", 2: "h", 3: "w"}},
-        )
-    os.replace(unfinished, path)
+    export_onnx(Taps(model), (torch.zeros(1, 3, 64, 64),), ("rgb",), ("s4", "s8", "s16", "s32"), path)
 
 
 if __name__ == "__main__":

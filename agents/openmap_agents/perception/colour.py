@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from functools import cache
 from itertools import pairwise
+from pathlib import Path
 
 import cv2
 import numpy as np
 import numpy.typing as npt
 
 from openmap_agents.perception.protocol import Masks
+from openmap_agents.perception.surface import working_lab
+from openmap_agents.perception.weights import FOLDER, load_weights
 
 # sRGB of good examples of each word; several where a word covers much of the space. Lightness counts for less than hue, since
 # the shaded side of a thing is darker than its colour; for the greys lightness is all there is.
@@ -29,11 +33,7 @@ _EXAMPLES: dict[str, list[tuple[int, int, int]]] = {
 }
 COLOURS = tuple(_EXAMPLES)
 _CHROMA_WEIGHT = 1.6
-_MOST_PIXELS = 2000
 _MOST_FEATURE_PIXELS = 400
-# Indoors something white is nearly always in sight, and seldom lit well enough to look it: the brightest tenth is taken for white.
-_WHITE_SHARE = 90
-_MOST_GAIN = 1.8
 
 
 def _lab(rgb: npt.NDArray[np.uint8]) -> npt.NDArray[np.float32]:
@@ -85,29 +85,44 @@ def colour_features(lab: npt.NDArray[np.float32], labels: npt.NDArray[np.int32],
     return out
 
 
-def exposed(rgb: npt.NDArray[np.uint8]) -> npt.NDArray[np.uint8]:
-    """The picture (H, W, 3), brightened so that its brightest tenth is white, at most 1.8 times; colours keep their hue."""
-    bright = float(np.percentile(rgb.max(2), _WHITE_SHARE)) if rgb.size else 255.0
-    gain = min(255.0 / max(bright, 1.0), _MOST_GAIN)
-    return np.asarray((rgb * np.float32(gain)).clip(0, 255), np.uint8)
+class ColourNamer:
+    """w2 relu(w1 (x - mean) / std + b1) + b2: a score for each of ``COLOURS``.
+
+    Raises
+    ------
+    DataError
+        The weights cannot be used.
+    """
+
+    def __init__(self, path: Path = FOLDER / "colour.npz") -> None:
+        n = len(COLOURS)
+        ends = ((N_COLOUR,), (N_COLOUR,), (None, N_COLOUR), (None,), (n, None), (n,))
+        parts = ("mean", "std", "w1", "b1", "w2", "b2")
+        arrays = load_weights(path, dict(zip(parts, ends, strict=True)))
+        self._mean, self._std, self._w1, self._b1, self._w2, self._b2 = (arrays[part] for part in parts)
+
+    def __call__(self, features: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        """Scores (n, 13) of ``colour_features`` (n, N_COLOUR)."""
+        hidden = np.maximum(((features - self._mean) / self._std) @ self._w1.T + self._b1, 0.0)
+        return np.asarray(hidden @ self._w2.T + self._b2, np.float32)
+
+
+@cache
+def _namer() -> ColourNamer:
+    return ColourNamer()
 
 
 def region_colour(rgb: npt.NDArray[np.uint8], masks: Masks) -> list[str]:
-    """A colour word for each mask 1..n of a picture rgb (H, W, 3) uint8: that of most of its pixels.
+    """A colour word for each mask 1..n of a picture rgb (H, W, 3) uint8, as people would name it, told from ``colour_features``.
 
-    Shading darkens a thing without changing its hue; highlights bleach it. So the picture is ``exposed`` first, and the darkest
-    and the lightest tenth of a region's pixels have no vote.
+    A mask too thin for the working picture gets the word of most of its pixels.
     """
-    order = np.argsort(masks.labels, axis=None, kind="stable")
-    sorted_labels = masks.labels.ravel()[order]
-    starts = np.searchsorted(sorted_labels, np.arange(1, len(masks) + 2))
-    flat = exposed(rgb).reshape(-1, 3)
-    words = []
-    for first, last in pairwise(starts.tolist()):
-        pixels = flat[order[first : last : max(1, (last - first) // _MOST_PIXELS)]]
-        light = pixels.sum(1, dtype=np.int64)
-        if len(pixels) >= 10:
-            low, high = np.quantile(light, [0.1, 0.9])
-            pixels = pixels[(light >= low) & (light <= high)]
-        words.append(COLOURS[int(colour_votes(pixels).argmax())])
+    lab, step = working_lab(rgb)
+    offset = step // 2
+    labels = np.ascontiguousarray(masks.labels[offset::step, offset::step])
+    features = colour_features(lab, labels, len(masks))
+    words = [COLOURS[k] for k in _namer()(features).argmax(1).tolist()] if len(masks) else []
+    missing = np.flatnonzero(np.bincount(labels.ravel(), minlength=len(masks) + 1)[1:] == 0)
+    for k in missing.tolist():
+        words[k] = COLOURS[int(colour_votes(rgb[masks.labels == k + 1]).argmax())]
     return words

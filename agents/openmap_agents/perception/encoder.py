@@ -86,7 +86,7 @@ class EmbeddedEncoder:
         self._text = text or TextEncoder()
         inputs = {name: columns.stop - columns.start for name, columns in HEADS.items()}
         loaded = load_heads(inputs, self._text.dim, Path(weights) / "regions.npz")
-        self._heads, self._mean, self._bank = loaded.heads, loaded.mean, loaded.bank
+        self._heads, self._mean, self._bank, self._step = loaded.heads, loaded.mean, loaded.bank, loaded.text
         self.calibration: Calibration = loaded.calibration
         self.front = front or FrontEnd(weights)
         self._conse = Conse(self._text)
@@ -99,8 +99,10 @@ class EmbeddedEncoder:
         return np.hstack([_TEXT * words, bias, np.zeros_like(words)]).astype(np.float32)
 
     def words(self, texts: list[str]) -> npt.NDArray[np.float32]:
-        """Unit vectors (n, 384) of texts, less the mean of household names: the space of v."""
-        return unit(self._text.encode_text(texts) - self._mean) if texts else np.zeros((0, self._text.dim), np.float32)
+        """Unit vectors (n, 384) of texts in the space of v: less the mean of household names, uses moved towards names."""
+        if not texts:
+            return np.zeros((0, self._text.dim), np.float32)
+        return self._step(unit(self._text.encode_text(texts) - self._mean))
 
     def encode_regions(
         self,

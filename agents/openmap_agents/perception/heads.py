@@ -28,6 +28,20 @@ class RegionHead:
 
 
 @dataclass(frozen=True)
+class TextStep:
+    """unit(x + w2 relu(w1 x + b1) + b2): from what a thing is for towards what it is called; names stay where they are."""
+
+    w1: npt.NDArray[np.float32]
+    b1: npt.NDArray[np.float32]
+    w2: npt.NDArray[np.float32]
+    b2: npt.NDArray[np.float32]
+
+    def __call__(self, x: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        """Unit vectors (n, D) of unit vectors (n, D)."""
+        return unit(x + np.maximum(x @ self.w1.T + self.b1, 0.0) @ self.w2.T + self.b2)
+
+
+@dataclass(frozen=True)
 class Heads:
     """What the encoder learned.
 
@@ -39,12 +53,14 @@ class Heads:
     bank : (names, D) float32
         Their unit vectors, less the mean.
     calibration : Calibration
+    text : TextStep
     """
 
     heads: dict[str, RegionHead]
     mean: npt.NDArray[np.float32]
     bank: npt.NDArray[np.float32]
     calibration: Calibration
+    text: TextStep
 
 
 def load_heads(inputs: dict[str, int], dim: int, path: str | Path = FOLDER / "regions.npz") -> Heads:
@@ -56,10 +72,13 @@ def load_heads(inputs: dict[str, int], dim: int, path: str | Path = FOLDER / "re
         The weights cannot be used.
     """
     shapes: dict[str, tuple[int | None, ...]] = {"words.mean": (dim,), "words.bank": (None, dim), "calibration": (2,)}
+    text = {"text.w1": (None, dim), "text.b1": (None,), "text.w2": (dim, None), "text.b2": (dim,)}
+    shapes |= text
     for name, n in inputs.items():
         ends = ((n,), (n,), (None, n), (None,), (dim, None), (dim,))
         shapes |= {f"{name}.{part}": shape for part, shape in zip(PARTS, ends, strict=True)}
     arrays = load_weights(Path(path), shapes)
     heads = {name: RegionHead({part: arrays[f"{name}.{part}"] for part in PARTS}) for name in inputs}
     slope, offset = arrays["calibration"].tolist()
-    return Heads(heads, arrays["words.mean"], unit(arrays["words.bank"]), Calibration(slope, offset))
+    step = TextStep(*(arrays[name] for name in text))
+    return Heads(heads, arrays["words.mean"], unit(arrays["words.bank"]), Calibration(slope, offset), step)

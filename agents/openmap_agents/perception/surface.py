@@ -169,6 +169,20 @@ def check_picture(rgb: npt.NDArray[np.uint8], depth: npt.NDArray[np.floating], c
         raise ValueError(f"depth is {depth.shape}, expected {expected} as the camera says (drop a trailing axis)")
 
 
+def working_step(width: int) -> int:
+    """Every how many pixels of a picture that wide one is taken for the working picture."""
+    return max(1, round(width / WORKING_WIDTH))
+
+
+def working_lab(rgb: npt.NDArray[np.uint8]) -> tuple[npt.NDArray[np.float32], int]:
+    """CIE L*a*b* (h, w, 3) float32 of the working picture of rgb (H, W, 3) uint8, and its step."""
+    step = working_step(rgb.shape[1])
+    offset = step // 2
+    small = cv2.blur(rgb, (step, step))[offset::step, offset::step] if step > 1 else rgb
+    lab = cv2.cvtColor(np.divide(small, np.float32(255.0), order="C"), cv2.COLOR_RGB2LAB)
+    return np.asarray(lab, np.float32), step
+
+
 def working_picture(
     rgb: npt.NDArray[np.uint8],
     depth: npt.NDArray[np.floating],
@@ -180,15 +194,14 @@ def working_picture(
     Depth that is not finite, not positive or 10 km and more counts as nothing seen.
     """
     check_picture(rgb, depth, camera)
-    step = max(1, round(camera.width / WORKING_WIDTH))
+    step = working_step(camera.width)
     offset = step // 2
     kept = np.array(depth[offset::step, offset::step], np.float32)
     rotation = np.asarray(T_world_camera, np.float64)[:3, :3].astype(np.float32)
     points = _clean_and_unproject(kept, _rays(camera, step), np.ascontiguousarray(rotation))
-    small = cv2.blur(rgb, (step, step))[offset::step, offset::step] if step > 1 else rgb
-    lab = cv2.cvtColor(np.divide(small, np.float32(255.0), order="C"), cv2.COLOR_RGB2LAB)
+    lab, _ = working_lab(rgb)
     floor = _low(points[..., 1][kept > 0])
-    return Surface(step, kept, points, _normals(points, kept, _REACH), np.asarray(lab, np.float32), floor)
+    return Surface(step, kept, points, _normals(points, kept, _REACH), lab, floor)
 
 
 def to_full_size(labels: npt.NDArray[np.int32], step: int, height: int, width: int) -> npt.NDArray[np.int32]:

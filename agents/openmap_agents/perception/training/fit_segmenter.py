@@ -19,7 +19,7 @@ from torch import nn
 from openmap_agents.perception.joining import N_PAIR, Network, Tree, agglomerate
 from openmap_agents.perception.maps import cells_of
 from openmap_agents.perception.neck import Neck
-from openmap_agents.perception.regions import Regions, add_belonging
+from openmap_agents.perception.regions import N_BOUNDARY, Regions, add_belonging
 from openmap_agents.perception.segmenter import LOWEST_JOIN, node_features, plain_join
 from openmap_agents.perception.training.shards import Shard, dequantised
 from openmap_agents.perception.views import STRUCTURE
@@ -34,13 +34,26 @@ _SMALLEST = 40  # working pixels below which a node teaches nothing
 
 @dataclass(frozen=True)
 class Sample:
-    """A view: its patches (h, w), their description, the number (h, w) of the thing at each pixel, which numbers are structure."""
+    """A view: its patches (h, w), their description, the number (h, w) of the thing at each pixel, which numbers are structure.
+
+    Of the boundaries only ``pairs`` (m, 2) of patches that touch are held, with ``between`` (m, N_BOUNDARY): a thousandth.
+    """
 
     patches: npt.NDArray[np.int16]
-    regions: Regions
+    sums: npt.NDArray[np.float64]
+    extremes: npt.NDArray[np.float64]
+    pairs: npt.NDArray[np.int16]
+    between: npt.NDArray[np.float32]
     floor: float
     local: npt.NDArray[np.uint8]
     structure: npt.NDArray[np.bool_]
+
+    def regions(self) -> Regions:
+        """The description as the joining takes it."""
+        n = len(self.sums)
+        boundary = np.zeros((n, n, N_BOUNDARY), np.float32)
+        boundary[self.pairs[:, 0], self.pairs[:, 1]] = self.between
+        return Regions(self.sums, self.extremes, boundary)
 
 
 def samples(paths: list[Path], neck: Neck, most: int, progress: Callable[[], None]) -> list[Sample]:
@@ -58,7 +71,11 @@ def samples(paths: list[Path], neck: Neck, most: int, progress: Callable[[], Non
             add_belonging(patches.regions, patches.patches.astype(np.int32), features.belonging, *where)
             names = [shard.names.get(i, "") for i in lesson.present.tolist()]
             structure = np.array([True, *(name in STRUCTURE for name in names)])
-            out.append(Sample(patches.patches, patches.regions, patches.floor, lesson.local, structure))
+            r = patches.regions
+            pairs = np.argwhere(r.boundary[:, :, 0] > 0)
+            between = r.boundary[pairs[:, 0], pairs[:, 1]]
+            held = (patches.patches, r.sums, r.extremes, pairs.astype(np.int16), between, patches.floor)
+            out.append(Sample(*held, lesson.local, structure))
         progress()
     return out
 
@@ -123,7 +140,7 @@ class Lessons:
 def lessons(sample: Sample, join: Network, rng: np.random.Generator) -> Lessons:
     """What one view teaches when its patches are joined by ``join``."""
     log = (np.empty((_LOG, 2), np.int32), np.empty((_LOG, N_PAIR)))
-    tree, logged = agglomerate(sample.regions, sample.floor, join, LOWEST_JOIN, log)
+    tree, logged = agglomerate(sample.regions(), sample.floor, join, LOWEST_JOIN, log)
     counts = _histogram(tree, sample)
     size, main = counts.sum(1), counts.argmax(1)
     most = counts[np.arange(len(main)), main]

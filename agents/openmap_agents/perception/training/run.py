@@ -18,10 +18,12 @@ import torch
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
+from openmap_agents.grounding.lexicon import load_lexicon
 from openmap_agents.perception.backbone import CHANNELS
 from openmap_agents.perception.colour import COLOURS
 from openmap_agents.perception.conse import unit
 from openmap_agents.perception.encoder import HEADS, EmbeddedEncoder
+from openmap_agents.perception.export import export_onnx
 from openmap_agents.perception.maps import N_GEOMETRY
 from openmap_agents.perception.neck import Neck
 from openmap_agents.perception.text import TextEncoder
@@ -30,6 +32,7 @@ from openmap_agents.perception.training.fit_colour import fit_colour
 from openmap_agents.perception.training.fit_neck import Bank, fit_neck
 from openmap_agents.perception.training.fit_regions import Regions, collect, fit_head, weights_of
 from openmap_agents.perception.training.fit_segmenter import fit_segmenter, samples
+from openmap_agents.perception.training.fit_text import fit_text
 from openmap_agents.perception.training.looking import look_at_homes
 from openmap_agents.perception.training.network import Neck as Network
 from openmap_agents.perception.training.settings import Settings
@@ -82,24 +85,11 @@ def make_bank(paths: list[Path], text: TextEncoder) -> tuple[Bank, npt.NDArray[n
 
 
 def export_neck(neck: Network, path: Path) -> None:
-    """The neck as an ONNX file, whole or not at all."""
+    """The neck as an ONNX file."""
     shapes = [(1, c, 128 // s, 160 // s) for c, s in zip(CHANNELS[:3], (4, 8, 16), strict=True)]
-    inputs = tuple(torch.zeros(shape) for shape in [*shapes, (1, N_GEOMETRY, 32, 40)])
-    names = ["s4", "s8", "s16", "geometry"]
-    unfinished = path.with_suffix(".part")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with torch.no_grad():
-        torch.onnx.export(
-            neck.eval().cpu().to(memory_format=torch.contiguous_format),  # type: ignore[call-overload]
-            inputs,
-            str(unfinished),
-            opset_version=17,
-            input_names=names,
-            output_names=["shape", "looks", "belonging"],
-            dynamo=False,
-            dynamic_axes={name: {0: "n", 2: f"h_{name}", 3: f"w_{name}"} for name in names},
-        )
-    os.replace(unfinished, path)
+    inputs = [torch.zeros(shape) for shape in [*shapes, (1, N_GEOMETRY, 32, 40)]]
+    neck.to(memory_format=torch.contiguous_format)  # type: ignore[call-overload]
+    export_onnx(neck, inputs, ("s4", "s8", "s16", "geometry"), ("shape", "looks", "belonging"), path)
 
 
 def calibrate(scores: npt.NDArray[np.float32], own: npt.NDArray[np.int64]) -> tuple[float, float]:
@@ -162,6 +152,7 @@ def _fit_regions(
     log("regions")({"learned_from": float(len(learn)), "held": float(len(held)), "names": float(len(bank.names))})
     arrays = _heads(s, learn, bank, log)
     arrays |= {"words.mean": mean, "words.bank": bank.vectors, "calibration": np.array([1.0, 0.0])}
+    arrays |= fit_text(load_lexicon().affordances, bank.names, text, mean, s.seed, log("text"))
     path = s.out / "regions.npz"
     save_weights(path, arrays)
     encoder = EmbeddedEncoder(text, s.out)
