@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from openmap_agents.perception.encoder import N_DESCRIPTION, SHARPNESS, WEIGHTS, EmbeddedEncoder, fuse
+from openmap_agents.perception.encoder import N_DESCRIPTION, NOVELTY, SHARPNESS, WEIGHTS, EmbeddedEncoder, fuse
 from openmap_agents.perception.joining import N_PAIR, Tree, agglomerate, best_cut
 from openmap_agents.perception.maps import N_BELONGING, N_CLASSES, cells_of, cover, geometry_map, map_shape, means
 from openmap_agents.perception.overlap import ious
@@ -168,9 +168,11 @@ def test_a_cosine_is_one_affine_function_of_the_log_probability_of_the_name():
     fused = fuse(encoder.opinions(described_regions))
     logits = SHARPNESS * fused @ encoder.words(names).T
     z = np.exp(SHARPNESS * fused @ encoder.words(list_of_names()).T).sum(1, keepdims=True)
-    log_p = logits - np.log(z)
+    known = encoder.words(list_of_names())
+    log_p = logits - np.log(z) + NOVELTY * (1 - (encoder.words(names) @ known.T).max(1))
     slope, offset = np.polyfit(log_p.ravel(), cosines.ravel(), 1)
     assert slope > 0
+    assert np.abs(np.linalg.norm(encoder.encode_text(names), axis=1) - 1).max() < 1e-5
     np.testing.assert_allclose(cosines, slope * log_p + offset, atol=2e-3)
 
 

@@ -72,8 +72,9 @@ class MapView:
                     f"instance {instance.id} has a feature of shape {feature.shape}, the encoder gives ({text.shape[1]},); "
                     "ground with the encoder that the map was made with"
                 )
-        # What all words of a home have in common says nothing; some encoders leave it out and some do not.
-        self._common = text.mean(0)
+        # What all words of a home have in common says nothing; some encoders leave it out and some do not. A column that is the
+        # same for all of them is none of that: by it an encoder says how sure it is of a region.
+        self._common = text.mean(0) * (np.ptp(text, axis=0) > 0)
         stacked = unit(np.stack(features)) if features else np.zeros((0, text.shape[1]), np.float32)
         self.features = unit(stacked - self._common) * stacked.any(1, keepdims=True)
         text = unit(text - self._common)

@@ -6,9 +6,11 @@ and ConSE, which was not trained on homes and knows a thousand other things. v =
 
 Calibration. ``S v.t`` are the logits of a softmax over the bank of the names that were learned, so S v.t - log Z says how well
 a text fits *compared with what else the region may be*; a region that is surely a pillow is then a poor "sofa" although both
-words lie close. This is put into a plain cosine: a text t becomes [c t, s, 0], a region [a v, b (L - log Z), r v/|v|], where r
-fills up to length one, so that a cosine is g (S v.t - log Z + L), the same affine function of a log-probability for every region
-and text.
+words lie close. What was learned to be called by one name is seldom so sure of a name that was never learned, so those get back
+N (1 - max_c t.c), by how far they lie from all learned ones (after Chao et al., calibrated stacking, ECCV 2016); that does not
+change which of two regions fits a text better. All this is put into a plain cosine: a text t becomes [c t, s, n (1 - max_c t.c),
+rest], a region [a v, b (L - log Z), k, 0, rest v/|v|], where the rests fill up to length one and meet zeros. So a cosine is
+g (S v.t - log Z + N (1 - max_c t.c) + L), the same affine function of a log-probability for every region and text.
 """
 
 from __future__ import annotations
@@ -45,10 +47,11 @@ HEADS = {
 WEIGHTS = {"looks": 1.0, "neck": 0.6, "shape": 0.8, "conse": 0.4}
 SHARPNESS = 24.0
 """S above."""
-_CENTRE = 8.0  # L: about the usual log Z, so that what is added is small
-_TEXT = 0.95  # c
-_BIAS = float(np.sqrt(1.0 - _TEXT**2))  # s
-_GAIN = 0.038  # g: as large as lets [a v, b (L - log Z)] stay within length one
+NOVELTY = 3.0
+"""N above, chosen on kinds that only the val homes have."""
+_CENTRE = 13.5  # L: the middle of what log Z can be, so that what is added is small
+_TEXT, _BIAS, _NOVEL = 0.81, 0.49, 0.35  # c, s, k
+_GAIN = 0.029  # g: as large as lets both sides stay within length one
 
 
 @dataclass(frozen=True)
@@ -90,13 +93,16 @@ class EmbeddedEncoder:
         self.calibration: Calibration = loaded.calibration
         self.front = front or FrontEnd(weights)
         self._conse = Conse(self._text)
-        self.dim = 2 * self._text.dim + 1
+        self.dim = 2 * self._text.dim + 3
 
     def encode_text(self, texts: list[str]) -> npt.NDArray[np.float32]:
         """Unit vectors (n, D) float32."""
         words = self.words(texts)
+        novelty = 1.0 - (words @ self._bank.T).max(1, initial=-1.0, keepdims=True)
         bias = np.full((len(texts), 1), _BIAS, np.float32)
-        return np.hstack([_TEXT * words, bias, np.zeros_like(words)]).astype(np.float32)
+        left = np.hstack([_TEXT * words, bias, _GAIN * NOVELTY / _NOVEL * novelty.clip(0.0, 1.0)])
+        rest = np.sqrt(np.maximum(1.0 - (left**2).sum(1, keepdims=True), 0.0))
+        return np.hstack([left, rest, np.zeros_like(words)]).astype(np.float32)
 
     def words(self, texts: list[str]) -> npt.NDArray[np.float32]:
         """Unit vectors (n, 384) of texts in the space of v: less the mean of household names, uses moved towards names."""
@@ -148,9 +154,10 @@ class EmbeddedEncoder:
 
     @staticmethod
     def _as_cosines(opinions: Opinions) -> npt.NDArray[np.float32]:
-        """[a v, b (L - log Z), r v/|v|] as unit vectors."""
-        a, b = _GAIN * SHARPNESS / _TEXT, _GAIN / _BIAS
-        left = np.hstack([a * opinions.vectors, b * (_CENTRE - opinions.log_z)[:, None]])
+        """[a v, b (L - log Z), k, 0, rest v/|v|] as unit vectors."""
+        a, b, n = _GAIN * SHARPNESS / _TEXT, _GAIN / _BIAS, len(opinions.vectors)
+        bias, novel = b * (_CENTRE - opinions.log_z)[:, None], np.full((n, 1), _NOVEL)
+        left = np.hstack([a * opinions.vectors, bias, novel, np.zeros((n, 1))])
         length = np.linalg.norm(left, axis=1, keepdims=True)
         left /= np.maximum(length, 1.0)
         rest = np.sqrt(np.maximum(1.0 - np.minimum(length, 1.0) ** 2, 0.0))
