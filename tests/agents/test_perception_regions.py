@@ -10,7 +10,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from openmap_agents.perception.encoder import N_DESCRIPTION, NOVELTY, SHARPNESS, WEIGHTS, EmbeddedEncoder, fuse
+from openmap_agents.perception.encoder import (
+    KNOWN_WITHIN,
+    N_DESCRIPTION,
+    NOVELTY,
+    SHARPNESS,
+    WEIGHTS,
+    EmbeddedEncoder,
+    fuse,
+)
 from openmap_agents.perception.joining import N_PAIR, Tree, agglomerate, best_cut
 from openmap_agents.perception.maps import N_BELONGING, N_CLASSES, cells_of, cover, geometry_map, map_shape, means
 from openmap_agents.perception.overlap import ious
@@ -160,20 +168,22 @@ def test_labels_of_the_working_picture_fill_the_whole_one(step: int):
     np.testing.assert_array_equal(full[step // 2 : 3 * step : step, step // 2 : 4 * step : step], labels)
 
 
-def test_a_cosine_is_one_affine_function_of_the_log_probability_of_the_name():
+def test_a_cosine_is_what_the_calibration_says():
     encoder = EmbeddedEncoder()
     described_regions = np.random.default_rng(0).normal(0.3, 1.0, (20, N_DESCRIPTION)).astype(np.float32)
     names = ["chair", "sofa", "pillow", "something to sit on", "quokka"]
     cosines = encoder.vectors(described_regions) @ encoder.encode_text(names).T
     fused = fuse(encoder.opinions(described_regions))
-    logits = SHARPNESS * fused @ encoder.words(names).T
-    z = np.exp(SHARPNESS * fused @ encoder.words(list_of_names()).T).sum(1, keepdims=True)
     known = encoder.words(list_of_names())
-    log_p = logits - np.log(z) + NOVELTY * (1 - (encoder.words(names) @ known.T).max(1))
-    slope, offset = np.polyfit(log_p.ravel(), cosines.ravel(), 1)
+    log_z = np.log(np.exp(SHARPNESS * fused @ known.T).sum(1, keepdims=True))
+    novelty = (1 - (encoder.words(names) @ known.T).max(1)).clip(0, 0.85)
+    share = 1 - np.minimum(novelty / KNOWN_WITHIN, 1)
+    expected = SHARPNESS * fused @ encoder.words(names).T + share * (13.5 - log_z) + NOVELTY * novelty
+    slope, offset = np.polyfit(expected.ravel(), cosines.ravel(), 1)
     assert slope > 0
     assert np.abs(np.linalg.norm(encoder.encode_text(names), axis=1) - 1).max() < 1e-5
-    np.testing.assert_allclose(cosines, slope * log_p + offset, atol=2e-3)
+    assert offset == pytest.approx(0.0, abs=2e-3)
+    np.testing.assert_allclose(cosines, slope * expected + offset, atol=3e-3)
 
 
 def list_of_names() -> list[str]:
@@ -182,7 +192,9 @@ def list_of_names() -> list[str]:
 
 def test_opinions_are_weighed():
     opinions = {name: np.eye(1, 384, i, dtype=np.float32) for i, name in enumerate(WEIGHTS)}
-    np.testing.assert_allclose(fuse(opinions)[0, : len(WEIGHTS)], np.array(list(WEIGHTS.values())) / sum(WEIGHTS.values()))
+    np.testing.assert_allclose(
+        fuse(opinions)[0, : len(WEIGHTS)], np.array(list(WEIGHTS.values())) / sum(WEIGHTS.values())
+    )
 
 
 @pytest.mark.parametrize(("width", "height"), [(64, 96), (640, 480), (320, 240), (1280, 720), (101, 67)])
@@ -205,7 +217,9 @@ def test_depth_s_map_does_not_care_for_the_heading_or_the_tilt_of_the_camera():
     turned = np.eye(4)
     c, s = np.cos(2.0), np.sin(2.0)
     turned[:3, :3] = [[c, 0, s], [0, 1, 0], [-s, 0, c]]
-    np.testing.assert_allclose(geometry_map(working_picture(rgb, depth, turned, CAMERA), turned, 72, 96), level, atol=1e-4)
+    np.testing.assert_allclose(
+        geometry_map(working_picture(rgb, depth, turned, CAMERA), turned, 72, 96), level, atol=1e-4
+    )
     facing = level[:, 2, 5]
     assert facing[2] == pytest.approx(1.0, abs=0.05)  # the wall ahead looks back at the camera
 
@@ -224,7 +238,8 @@ def test_weights_come_back_as_half_floats(tmp_path: Path):
 
 
 @pytest.mark.parametrize(
-    ("make", "name"), [(EmbeddedSegmenter, "segmenter.npz"), (lambda folder: EmbeddedEncoder(weights=folder), "regions.npz")]
+    ("make", "name"),
+    [(EmbeddedSegmenter, "segmenter.npz"), (lambda folder: EmbeddedEncoder(weights=folder), "regions.npz")],
 )
 def test_weights_that_cannot_be_used_are_named_with_what_is_wrong(make, name: str, tmp_path: Path):
     path = tmp_path / name

@@ -6,11 +6,13 @@ and ConSE, which was not trained on homes and knows a thousand other things. v =
 
 Calibration. ``S v.t`` are the logits of a softmax over the bank of the names that were learned, so S v.t - log Z says how well
 a text fits *compared with what else the region may be*; a region that is surely a pillow is then a poor "sofa" although both
-words lie close. What was learned to be called by one name is seldom so sure of a name that was never learned, so those get back
-N (1 - max_c t.c), by how far they lie from all learned ones (after Chao et al., calibrated stacking, ECCV 2016); that does not
-change which of two regions fits a text better. All this is put into a plain cosine: a text t becomes [c t, s, n (1 - max_c t.c),
-rest], a region [a v, b (L - log Z), k, 0, rest v/|v|], where the rests fill up to length one and meet zeros. So a cosine is
-g (S v.t - log Z + N (1 - max_c t.c) + L), the same affine function of a log-probability for every region and text.
+words lie close. This holds for names. Of a text at a distance d = 1 - max_c t.c from every learned name, such as "something to
+sit on", the surest chair is no worse an answer for being surely a chair: so log Z counts by h(d), which falls from 1 to 0. And
+what has learned names is seldom sure of any other, so texts get back N d (after Chao et al., calibrated stacking, ECCV 2016),
+which does not change which of two regions fits a text better.
+
+All this is put into a plain cosine: a text t becomes [c t, s h(d), n d, 0, rest], a region [a v, b (L - log Z), k, rest, 0], where
+the rests fill up to length one. So a cosine is g (S v.t + h(d) (L - log Z) + N d), for every region and text.
 """
 
 from __future__ import annotations
@@ -47,8 +49,9 @@ HEADS = {
 WEIGHTS = {"looks": 1.0, "neck": 0.6, "shape": 0.8, "conse": 0.4}
 SHARPNESS = 24.0
 """S above."""
-NOVELTY = 3.0
-"""N above, chosen on kinds that only the val homes have."""
+NOVELTY, KNOWN_WITHIN = 8.0, 0.7
+"""N above, and the d at which h is 0; chosen on kinds that only the val homes have, and on questions by use in val homes."""
+_FARTHEST = 0.85  # d counts no more beyond this, so that a text stays within length one
 _CENTRE = 13.5  # L: the middle of what log Z can be, so that what is added is small
 _TEXT, _BIAS, _NOVEL = 0.81, 0.49, 0.35  # c, s, k
 _GAIN = 0.029  # g: as large as lets both sides stay within length one
@@ -93,16 +96,15 @@ class EmbeddedEncoder:
         self.calibration: Calibration = loaded.calibration
         self.front = front or FrontEnd(weights)
         self._conse = Conse(self._text)
-        self.dim = 2 * self._text.dim + 3
+        self.dim = self._text.dim + 4
 
     def encode_text(self, texts: list[str]) -> npt.NDArray[np.float32]:
         """Unit vectors (n, D) float32."""
         words = self.words(texts)
-        novelty = 1.0 - (words @ self._bank.T).max(1, initial=-1.0, keepdims=True)
-        bias = np.full((len(texts), 1), _BIAS, np.float32)
-        left = np.hstack([_TEXT * words, bias, _GAIN * NOVELTY / _NOVEL * novelty.clip(0.0, 1.0)])
-        rest = np.sqrt(np.maximum(1.0 - (left**2).sum(1, keepdims=True), 0.0))
-        return np.hstack([left, rest, np.zeros_like(words)]).astype(np.float32)
+        novelty = (1.0 - (words @ self._bank.T).max(1, initial=-1.0, keepdims=True)).clip(0.0, _FARTHEST)
+        known = 1.0 - np.minimum(novelty / KNOWN_WITHIN, 1.0)
+        left = np.hstack([_TEXT * words, _BIAS * known, _GAIN * NOVELTY / _NOVEL * novelty, np.zeros_like(novelty)])
+        return _filled(left)
 
     def words(self, texts: list[str]) -> npt.NDArray[np.float32]:
         """Unit vectors (n, 384) of texts in the space of v: less the mean of household names, uses moved towards names."""
@@ -154,14 +156,19 @@ class EmbeddedEncoder:
 
     @staticmethod
     def _as_cosines(opinions: Opinions) -> npt.NDArray[np.float32]:
-        """[a v, b (L - log Z), k, 0, rest v/|v|] as unit vectors."""
+        """[a v, b (L - log Z), k, rest, 0] as unit vectors."""
         a, b, n = _GAIN * SHARPNESS / _TEXT, _GAIN / _BIAS, len(opinions.vectors)
-        bias, novel = b * (_CENTRE - opinions.log_z)[:, None], np.full((n, 1), _NOVEL)
-        left = np.hstack([a * opinions.vectors, bias, novel, np.zeros((n, 1))])
-        length = np.linalg.norm(left, axis=1, keepdims=True)
-        left /= np.maximum(length, 1.0)
-        rest = np.sqrt(np.maximum(1.0 - np.minimum(length, 1.0) ** 2, 0.0))
-        return unit(np.hstack([left, rest * unit(opinions.vectors)]))
+        bias = b * (_CENTRE - opinions.log_z)[:, None]
+        filled = _filled(np.hstack([a * opinions.vectors, bias, np.full((n, 1), _NOVEL, np.float32)]))
+        return np.hstack([filled, np.zeros((n, 1), np.float32)])
+
+
+def _filled(left: npt.NDArray[np.floating]) -> npt.NDArray[np.float32]:
+    """Rows (n, D) of at most length one with a column more that makes it one."""
+    length = np.linalg.norm(left, axis=1, keepdims=True)
+    left = left / np.maximum(length, 1.0)
+    rest = np.sqrt(np.maximum(1.0 - np.minimum(length, 1.0) ** 2, 0.0))
+    return np.hstack([left, rest]).astype(np.float32)
 
 
 def describe(view: View, masks: Masks) -> npt.NDArray[np.float32]:

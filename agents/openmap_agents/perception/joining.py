@@ -257,7 +257,8 @@ def agglomerate(
 ) -> tuple[Tree, int]:
     """Join touching regions, the most probable pair first, until no pair is more probable than ``stop``.
 
-    The boundaries are used up: they are large, and nobody needs them again. For training, ``log`` takes the nodes (L, 2) and the features (L, N_PAIR) of the pairs looked at; how many is the second result.
+    The boundaries are used up: they are large, and nobody needs them again. For training, ``log`` takes the nodes (L, 2) and the
+    features (L, N_PAIR) of the pairs looked at; how many is the second result.
     """
     sums, extremes = regions.sums.copy(), regions.extremes.copy()
     children, probabilities, joined_sums, joined_extremes, logged = _agglomerate(

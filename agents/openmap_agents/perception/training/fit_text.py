@@ -1,9 +1,9 @@
 """Trains the text side: a small step in the space of words that takes what a thing is for to what it is called.
 
-The text encoder puts "something to sit on" nearer to "sitting" than to "chair". From a table of what household things are for, and
-from names in other phrases ("a wooden chair"), a residual network learns to go from the phrase to the name, by the cross-entropy over
-all names of the table, the look-alikes among them. Names themselves, of the table, of the homes and of ImageNet, are to stay where
-they are, so that no word is lost.
+The text encoder puts "something to sit on" nearer to "sitting" than to "chair". From a table of what household things are for,
+and from names in other phrases ("a wooden chair"), a residual network learns to go from the phrase to the name, by the
+cross-entropy over all names of the table, the look-alikes among them. Names themselves, of the table, of the homes and of
+ImageNet, are to stay where they are, so that no word is lost.
 """
 
 from __future__ import annotations
@@ -21,7 +21,16 @@ from openmap_agents.perception.training.fit_neck import TEMPERATURE
 
 _HIDDEN, _EPOCHS, _BATCH = 96, 60, 256
 _STAY = 25.0  # what a name's leaving its place costs
-_PHRASES = ("a {}", "the {}", "{} in a home", "a photo of a {}", "a wooden {}", "the white {}", "a small black {}", "my {}")
+_PHRASES = (
+    "a {}",
+    "the {}",
+    "{} in a home",
+    "a photo of a {}",
+    "a wooden {}",
+    "the white {}",
+    "a small black {}",
+    "my {}",
+)
 
 
 class _Step(nn.Module):
