@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from openmap_agents.perception.encoder import (
+    FARTHEST,
     KNOWN_WITHIN,
     N_DESCRIPTION,
     NOVELTY,
@@ -176,7 +177,7 @@ def test_a_cosine_is_what_the_calibration_says():
     fused = fuse(encoder.opinions(described_regions))
     known = encoder.words(list_of_names())
     log_z = np.log(np.exp(SHARPNESS * fused @ known.T).sum(1, keepdims=True))
-    novelty = (1 - (encoder.words(names) @ known.T).max(1)).clip(0, 0.85)
+    novelty = (1 - (encoder.words(names) @ known.T).max(1)).clip(0, FARTHEST)
     share = 1 - np.minimum(novelty / KNOWN_WITHIN, 1)
     expected = SHARPNESS * fused @ encoder.words(names).T + share * (13.5 - log_z) + NOVELTY * novelty
     slope, offset = np.polyfit(expected.ravel(), cosines.ravel(), 1)

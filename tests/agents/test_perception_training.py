@@ -72,6 +72,21 @@ def test_a_second_run_goes_on_from_what_is_there_and_ends_the_same(trained: Path
         train(small(trained, "c", views=9), Console(quiet=True))
 
 
+@pytest.mark.parametrize(
+    "wrong",
+    [{"homes": 0}, {"views": -1}, {"held": 2}, {"held": 0}, {"neck_share": 0.0}, {"threads": 0}, {"seed": -1}],
+    ids=str,
+)
+def test_numbers_that_nothing_can_be_learned_with_are_refused_before_anything_is_built(
+    wrong: dict[str, int], tmp_path: Path
+):
+    from openmap_agents.perception.training.run import train
+
+    with pytest.raises(DataError, match="--" + next(iter(wrong)).replace("_", "-")):
+        train(small(tmp_path, **wrong), Console(quiet=True))
+    assert not list(tmp_path.iterdir())
+
+
 def test_shards_hold_every_thing_twice_and_know_its_name(trained: Path):
     shard = Shard(sorted((trained / "work").glob("home-*.npz"))[0])
     assert shard.n == 8

@@ -209,3 +209,19 @@ def test_labels_of_another_picture_have_no_shape() -> None:
     with pytest.raises(ValueError, match=r"\(5, 6\), expected \(21, 28\)"):
         shape_features(surface, np.ones((5, 6), np.int32), 1)
     assert shape_features(surface, np.zeros((21, 28), np.int32), 0).shape == (0, N_SHAPE)
+
+
+@pytest.mark.parametrize("bad", [np.nan, -np.inf, 2.0])
+def test_a_pose_that_was_lost_is_refused(bad: float) -> None:
+    rgb, depth = picture(0)
+    with pytest.raises(ValueError, match="T_world_camera has the rotation"):
+        working_picture(rgb, depth, np.eye(4) * bad, CAMERA)
+
+
+def test_depth_too_small_to_be_any_is_nothing() -> None:
+    rgb, depth = picture(0)
+    tiny, none = depth.copy(), depth.copy()
+    tiny[3:12, 3:12], none[3:12, 3:12] = 1e-30, 0.0
+    surfaces = [working_picture(rgb, d, tilted(0.2), CAMERA) for d in (tiny, none)]
+    assert np.isfinite(surfaces[0].normals).all()
+    np.testing.assert_array_equal(*(superpixels(s) for s in surfaces))

@@ -37,7 +37,7 @@ from openmap_eval.perception.masks import (
 from openmap_eval.perception.names import trained_names
 from openmap_eval.perception.observe import Clock, Observed, Observer, Roles, observe
 from openmap_eval.perception.retrieval import NEVER, category_ranks, first_rank, mean_features, recall_figures
-from openmap_eval.perception.run import make_sensor, scene_specs, shown_views
+from openmap_eval.perception.run import _trained, make_sensor, scene_specs, shown_views
 from openmap_eval.perception.uses import serves, that_apply, uses
 from openmap_scenes import DataError, Instance, PinholeCamera, Scene, load_scene
 
@@ -450,6 +450,18 @@ def test_the_command_measures_a_scene_and_writes_its_page(
         main(["eval", "perception", "--out", str(out)])
     assert stopped.value.code == 2
     assert "neither --scene nor --split" in capsys.readouterr().out
+    with pytest.raises(SystemExit):
+        main(["eval", "perception", "--scene", *toy_specs, "--out", str(names), *arguments])
+    refused = capsys.readouterr().out
+    assert "--out: found" in refused
+    assert "recall" not in refused  # before anything was measured
+
+
+def test_the_names_are_those_beside_the_weights_in_use(tmp_path: Path) -> None:
+    (tmp_path / "names.json").write_text(json.dumps(["bed", "sofa"]))
+    command = EvalPerception(tmp_path)
+    assert _trained(command, f"embedded:{tmp_path}") == ["bed", "sofa"]
+    assert len(_trained(command, "embedded")) > 2
 
 
 def test_eval_itself_takes_what_it_took(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -49,9 +49,9 @@ HEADS = {
 WEIGHTS = {"looks": 1.0, "neck": 0.6, "shape": 0.8, "conse": 0.4}
 SHARPNESS = 24.0
 """S above."""
-NOVELTY, KNOWN_WITHIN = 8.0, 0.7
+NOVELTY, KNOWN_WITHIN = 9.0, 0.7
 """N above, and the d at which h is 0; chosen on kinds that only the val homes have, and on questions by use in val homes."""
-_FARTHEST = 0.85  # d counts no more beyond this, so that a text stays within length one
+FARTHEST = 0.75  # d counts no more beyond this, so that a text stays within length one
 _CENTRE = 13.5  # L: the middle of what log Z can be, so that what is added is small
 _TEXT, _BIAS, _NOVEL = 0.81, 0.49, 0.35  # c, s, k
 _GAIN = 0.029  # g: as large as lets both sides stay within length one
@@ -101,7 +101,7 @@ class EmbeddedEncoder:
     def encode_text(self, texts: list[str]) -> npt.NDArray[np.float32]:
         """Unit vectors (n, D) float32."""
         words = self.words(texts)
-        novelty = (1.0 - (words @ self._bank.T).max(1, initial=-1.0, keepdims=True)).clip(0.0, _FARTHEST)
+        novelty = (1.0 - (words @ self._bank.T).max(1, initial=-1.0, keepdims=True)).clip(0.0, FARTHEST)
         known = 1.0 - np.minimum(novelty / KNOWN_WITHIN, 1.0)
         left = np.hstack([_TEXT * words, _BIAS * known, _GAIN * NOVELTY / _NOVEL * novelty, np.zeros_like(novelty)])
         return _filled(left)

@@ -19,6 +19,7 @@ WORKING_WIDTH = 320
 _JUMP = 0.03  # relative step in depth from one pixel to the next that may end a surface
 _BEND = 0.01  # it does not where the surface goes on as flat as it came: inverse depth is linear on a plane
 _REACH = 3  # pixels to each side that a normal is taken over
+_NEAREST = 1e-4  # m; nothing is that near, and squares of smaller numbers vanish
 _FARTHEST = 1e4  # m; sensors have been seen to say "nothing" by a very large number
 _LOW_SHARE = 0.005
 
@@ -135,7 +136,7 @@ def _clean_and_unproject(depth: np.ndarray, rays: np.ndarray, rotation: np.ndarr
     for v in range(h):
         for u in range(w):
             d = depth[v, u]
-            if not (0.0 < d < _FARTHEST):
+            if not (_NEAREST < d < _FARTHEST):
                 d = np.float32(0.0)
                 depth[v, u] = d
             x, y, z = d * rays[v, u, 0], d * rays[v, u, 1], d * rays[v, u, 2]
@@ -191,13 +192,20 @@ def working_picture(
 ) -> Surface:
     """The gravity-aligned working picture of rgb (H, W, 3) uint8 and planar depth (H, W) m. Only the pose's rotation is used.
 
-    Depth that is not finite, not positive or 10 km and more counts as nothing seen.
+    Depth that is not finite, 0.1 mm and less or 10 km and more counts as nothing seen.
+
+    Raises
+    ------
+    ValueError
+        The picture does not fit the camera, or the pose's rotation is none, as of a frame that a tracker lost.
     """
     check_picture(rgb, depth, camera)
     step = working_step(camera.width)
     offset = step // 2
     kept = np.array(depth[offset::step, offset::step], np.float32)
     rotation = np.asarray(T_world_camera, np.float64)[:3, :3].astype(np.float32)
+    if not np.isfinite(rotation).all() or not np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-2):
+        raise ValueError(f"T_world_camera has the rotation {rotation.tolist()}, expected an orthonormal one")
     points = _clean_and_unproject(kept, _rays(camera, step), np.ascontiguousarray(rotation))
     lab, _ = working_lab(rgb)
     floor = _low(points[..., 1][kept > 0])

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from openmap_scenes import DataError
 
 FOLDER = Path(__file__).parent / "weights"
-_REMEDY = "Reinstall the package, or train anew: python -m openmap_agents.perception.train."
+_REMEDY = "Reinstall the package, or train anew: openmap train perception --out FOLDER."
 
 
 def save_weights(path: Path, arrays: Mapping[str, npt.NDArray[np.floating]]) -> None:

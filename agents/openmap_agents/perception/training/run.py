@@ -173,8 +173,9 @@ def train(s: Settings, console: Console) -> None:
     Raises
     ------
     DataError
-        Two runs of other settings share a work folder.
+        A number that nothing can be learned with, or two runs of other settings share a work folder.
     """
+    _check(s)
     start = time.monotonic()
     torch.use_deterministic_algorithms(True)
     torch.set_num_threads(s.threads)
@@ -205,6 +206,24 @@ def train(s: Settings, console: Console) -> None:
         save_weights(s.out / "segmenter.npz", fit_segmenter(seen, s.seed, 3, log("segmenter")))
     _write_card(s, bank, log, time.monotonic() - start)
     console.print(f"weights are in {s.out}")
+
+
+def _check(s: Settings) -> None:
+    """Refuse numbers that nothing can be learned with, before homes are built for it."""
+    # The last homes are held back from the heads, so there are two at least; see ``held_homes``.
+    least = {"homes": 2, "seed": 0} | dict.fromkeys(
+        ("views", "patch_views", "held", "neck_homes", "segmenter_homes"), 1
+    )
+    least |= dict.fromkeys(("neck_epochs", "head_epochs", "processes", "threads"), 1)
+    for name, lowest in least.items():
+        if getattr(s, name) < lowest:
+            raise DataError(f"--{name.replace('_', '-')}", str(getattr(s, name)), f"at least {lowest}")
+    if s.held >= s.homes:
+        raise DataError(
+            "--held", f"{s.held} of {s.homes} homes", "fewer than --homes, so that some are left to learn from"
+        )
+    if not 0.0 < s.neck_share <= 1.0:
+        raise DataError("--neck-share", str(s.neck_share), "more than 0, and 1 at most")
 
 
 def _same_settings(s: Settings) -> None:
