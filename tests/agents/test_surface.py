@@ -215,7 +215,7 @@ def test_labels_of_another_picture_have_no_shape() -> None:
 def test_a_pose_that_was_lost_is_refused(bad: float) -> None:
     rgb, depth = picture(0)
     with pytest.raises(ValueError, match="T_world_camera has the rotation"):
-        working_picture(rgb, depth, np.eye(4) * bad, CAMERA)
+        working_picture(rgb, depth, np.full((4, 4), bad), CAMERA)
 
 
 def test_depth_too_small_to_be_any_is_nothing() -> None:

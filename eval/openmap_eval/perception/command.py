@@ -40,7 +40,7 @@ class EvalPerception:
     hfov_deg: float = 90.0
     """Horizontal field of view."""
     names: Path | None = None
-    """JSON list of the names that the weights were trained on; that of the installed weights by default."""
+    """JSON list of the names that the weights were trained on; by default the one beside the embedded weights in use."""
     train_homes: int = 0
     """Instead of such a list: the categories of so many training homes, which are built for it."""
 

@@ -40,7 +40,8 @@ def run_eval_perception(command: EvalPerception, console: Console) -> None:
     specs = scene_specs(command)
     chosen = resolve(command.perception, command.segmenter, command.encoder)
     oracle = any(map(is_oracle, chosen))
-    trained = _trained(command)
+    trained = _trained(command, chosen[1])
+    _make_folder(command.out)  # before anything is measured that could not be written
     run = Run(command, chosen, trained)
     show = shown_views(len(specs), command.views)
     with Progress(console=console, transient=True) as bars:
@@ -55,7 +56,6 @@ def run_eval_perception(command: EvalPerception, console: Console) -> None:
     for table in shown:
         console.print(rich_table(table, "ORACLE · " if oracle else ""))
         console.print()
-    command.out.mkdir(parents=True, exist_ok=True)
     settings = _settings(command, specs, chosen)
     content = {
         "oracle": oracle,
@@ -69,6 +69,13 @@ def run_eval_perception(command: EvalPerception, console: Console) -> None:
     confused = confusions(run.observed, trained, run.encode)
     write_page(command.out / "perception.html", settings, oracle, shown, run.frames, confused)
     console.print(f"written: perception.json, perception.html in {command.out}", soft_wrap=True)
+
+
+def _make_folder(path: Path) -> None:
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise DataError("--out", f"{path} ({error.strerror})", "a folder, or a place to make one") from None
 
 
 def scene_specs(command: EvalPerception) -> list[str]:
@@ -199,12 +206,15 @@ class Run:
                 mine.setdefault("text", []).append(once["text"][0] / len(new))
 
 
-def _trained(command: EvalPerception) -> list[str]:
+def _trained(command: EvalPerception, encoder: str) -> list[str]:
+    """What the weights know: by default, what the list beside those of the encoder says."""
     if command.train_homes:
         if command.names is not None:
             raise DataError("the command line", "both --names and --train-homes", "one of them")
         return names_of_homes(command.train_homes)
-    return trained_names(command.names or INSTALLED)
+    read = read_encoder_spec(encoder)
+    own = read.family == "embedded" and read.rest
+    return trained_names(command.names or (Path(read.rest) / INSTALLED.name if own else INSTALLED))
 
 
 def _settings(command: EvalPerception, specs: Sequence[str], chosen: tuple[str, str]) -> dict[str, Any]:
