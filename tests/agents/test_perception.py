@@ -101,6 +101,18 @@ def test_a_picture_that_does_not_fit_its_camera_is_refused():
         make_segmenter().segment(RGB, DEPTH[..., None], POSE, CAMERA)
 
 
+def test_depth_in_millimetres_is_refused_and_not_taken_for_kilometres():
+    with pytest.raises(ValueError, match="divide millimetres by 1000"):
+        make_segmenter().segment(RGB, (DEPTH * 1000).astype(np.uint16), POSE, CAMERA)
+
+
+def test_a_text_has_the_same_bytes_whatever_is_asked_with_it(encoder: EmbeddedEncoder):
+    texts = ["armchair", "something to sit on", "a", "towel radiator", "TV"]
+    together = encoder.encode_text(texts)
+    for k, text in enumerate(texts):
+        np.testing.assert_array_equal(encoder.encode_text([text])[0], together[k])
+
+
 def test_regions_and_words_are_unit_vectors_of_one_space_and_repeat_exactly(encoder: EmbeddedEncoder):
     masks = Masks(IDS, np.ones(4, np.float32))
     features = encoder.encode_regions(RGB, DEPTH, masks, POSE, CAMERA)

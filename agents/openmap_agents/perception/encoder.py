@@ -31,7 +31,7 @@ from openmap_agents.perception.maps import cover, means
 from openmap_agents.perception.neck import N_LOOKS, N_SHAPE_MAP
 from openmap_agents.perception.protocol import Calibration, Masks
 from openmap_agents.perception.shape import N_SHAPE, shape_features
-from openmap_agents.perception.text import TextEncoder
+from openmap_agents.perception.text import TextEncoder, one_blas_thread
 from openmap_agents.perception.weights import FOLDER
 from openmap_scenes import PinholeCamera
 
@@ -99,8 +99,14 @@ class EmbeddedEncoder:
         self.dim = self._text.dim + 4
 
     def encode_text(self, texts: list[str]) -> npt.NDArray[np.float32]:
-        """Unit vectors (n, D) float32."""
-        words = self.words(texts)
+        """Unit vectors (n, D) float32; the same text gives the same bytes, whatever else is asked with it."""
+        if not texts:
+            return np.zeros((0, self.dim), np.float32)
+        with one_blas_thread():
+            return np.concatenate([self._placed(self.words([text])) for text in texts])
+
+    def _placed(self, words: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        """[c t, s h(d), n d, 0, rest] of words (n, 384)."""
         novelty = (1.0 - (words @ self._bank.T).max(1, initial=-1.0, keepdims=True)).clip(0.0, FARTHEST)
         known = 1.0 - np.minimum(novelty / KNOWN_WITHIN, 1.0)
         left = np.hstack([_TEXT * words, _BIAS * known, _GAIN * NOVELTY / _NOVEL * novelty, np.zeros_like(novelty)])
@@ -124,7 +130,8 @@ class EmbeddedEncoder:
         if len(masks) == 0:
             return np.zeros((0, self.dim), np.float32)
         view = self.front.look(rgb, depth, T_world_camera, camera)
-        return self.vectors(describe(view, masks))
+        with one_blas_thread():
+            return self.vectors(describe(view, masks))
 
     def encode_crops(self, crops: list[npt.NDArray[np.uint8]]) -> npt.NDArray[np.float32]:
         """Unit vectors (n, D) float32 of n pictures (h, w, 3) uint8, each of one thing; without depth, so ConSE has the say.

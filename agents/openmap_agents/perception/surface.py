@@ -168,6 +168,8 @@ def check_picture(rgb: npt.NDArray[np.uint8], depth: npt.NDArray[np.floating], c
         raise ValueError(f"rgb is {rgb.shape} {rgb.dtype}, expected {(*expected, 3)} uint8 as the camera says")
     if depth.shape != expected:
         raise ValueError(f"depth is {depth.shape}, expected {expected} as the camera says (drop a trailing axis)")
+    if not np.issubdtype(depth.dtype, np.floating):
+        raise ValueError(f"depth is {depth.dtype}, expected metres as floats (divide millimetres by 1000)")
 
 
 def working_step(width: int) -> int:

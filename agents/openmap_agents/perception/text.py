@@ -12,6 +12,7 @@ import hashlib
 import json
 import warnings
 from collections import OrderedDict
+from contextlib import AbstractContextManager
 from functools import cache
 from pathlib import Path
 
@@ -43,6 +44,13 @@ def _model_folder() -> Path:
 def _libraries() -> ThreadpoolController:
     """The linear algebra that numpy brought. Looking for it takes milliseconds, so it is looked for once."""
     return ThreadpoolController()
+
+
+def one_blas_thread() -> AbstractContextManager[object]:
+    """Numpy's products on one thread: for small ones waiting costs more than it brings, and the last bits then do not depend on how
+    many threads the process may use."""
+    context: AbstractContextManager[object] = _libraries().limit(limits=1, user_api="blas")
+    return context
 
 
 def _mapped(path: Path) -> dict[str, FloatArray]:
@@ -116,7 +124,7 @@ class _MiniLM:
 
         On one thread: a text is too short to share, and waiting threads slow a busy machine down tenfold and more.
         """
-        with _libraries().limit(limits=1, user_api="blas"):
+        with one_blas_thread():
             return self._forward(tokens)
 
     def _forward(self, tokens: npt.NDArray[np.int64]) -> FloatArray:
