@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import json
 import warnings
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+import pytest
 import torch
 from tokenizers import Tokenizer, models, normalizers, pre_tokenizers, processors
 
@@ -189,3 +193,29 @@ def write_settings(model: Any, folder: Path) -> None:
     model.config.save_pretrained(folder)
     (siglip_tokenizer() if siglip else clip_tokenizer()).save_pretrained(folder)
     (folder / "preprocessor_config.json").write_text(json.dumps(processor(siglip).to_dict()))
+
+
+SIZES = [(33, 61), (100, 40), (7, 9), (64, 64), (32, 31)]
+
+
+def pictures(seed: int = 0, sizes: list[tuple[int, int]] = SIZES) -> list[npt.NDArray[np.uint8]]:
+    """Coloured ramps under noise: alike neither from far nor from near."""
+    rng, made = np.random.default_rng(seed), []
+    for h, w in sizes:
+        ends = rng.uniform(0, 255, (2, 2, 3))
+        rows, columns = np.linspace(0, 1, h)[:, None, None], np.linspace(0, 1, w)[None, :, None]
+        ramp = rows * (columns * ends[0, 0] + (1 - columns) * ends[0, 1]) + (1 - rows) * (
+            columns * ends[1, 0] + (1 - columns) * ends[1, 1]
+        )
+        made.append(np.clip(ramp + rng.normal(0, 30, (h, w, 3)), 0, 255).astype(np.uint8))
+    return made
+
+
+def open_clip_or_skip() -> Any:
+    """The package, made importable beside any torch; it is an extra, and not there on every machine."""
+    if importlib.util.find_spec("open_clip") is None or importlib.util.find_spec("torchvision") is None:
+        pytest.skip("open_clip is not installed: pip install 'openmap-nav[clip]'")
+    from openmap_agents.perception.torchvision_import import import_torchvision
+
+    import_torchvision()
+    return importlib.import_module("open_clip")

@@ -7,10 +7,12 @@ import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
+import numpy as np
 import torch
 from torch import nn
 from torch.nn import functional
 
+from openmap_agents.perception.protocol import Masks
 from openmap_agents.perception.torchvision_import import import_torchvision
 
 # transformers imports torchvision where it is installed, whether or not that fits torch.
@@ -374,3 +376,11 @@ def write_yolo(path: Path, module: nn.Module, *, free: bool = False, metadata: d
         onnx.helper.set_model_props(proto, metadata)
         onnx.save(proto, path)
     return path
+
+
+def check_masks(masks: Masks, size: tuple[int, int] = (90, 120)) -> None:
+    assert masks.labels.shape == size
+    assert masks.labels.dtype == np.int32
+    assert masks.scores.dtype == np.float32
+    assert ((masks.scores >= 0) & (masks.scores <= 1)).all()
+    assert set(np.unique(masks.labels)) - {0} == set(range(1, len(masks) + 1))

@@ -24,32 +24,17 @@ from openmap_agents.perception.crop_encoder import VOCABULARY, unit
 from openmap_agents.perception.crops import Crops, white_square
 from openmap_agents.perception.onnx.clip import OnnxClipEncoder, cover
 from openmap_agents.perception.onnx.clip_files import read_clip_folder
-from openmap_agents.perception.onnx.preprocessing import from_open_clip, from_transformers
 from openmap_agents.perception.onnx.tokens import load_tokens
 from openmap_agents.perception.protocol import Masks
 from openmap_scenes import DataError, PinholeCamera
 
 TEXTS = ["a chair", "The red TABLE, please!", "", "chair " * 60, "the  lamp 7"]
-SIZES = [(33, 61), (100, 40), (7, 9), (64, 64), (32, 31)]
 POSE, CAMERA = np.eye(4), PinholeCamera(width=60, height=48, fx=50.0, fy=50.0, cx=29.5, cy=23.5)
-
-
-def _pictures(seed: int = 0, sizes: list[tuple[int, int]] = SIZES) -> list[npt.NDArray[np.uint8]]:
-    """Coloured ramps under noise: alike neither from far nor from near."""
-    rng, pictures = np.random.default_rng(seed), []
-    for h, w in sizes:
-        ends = rng.uniform(0, 255, (2, 2, 3))
-        rows, columns = np.linspace(0, 1, h)[:, None, None], np.linspace(0, 1, w)[None, :, None]
-        ramp = rows * (columns * ends[0, 0] + (1 - columns) * ends[0, 1]) + (1 - rows) * (
-            columns * ends[1, 0] + (1 - columns) * ends[1, 1]
-        )
-        pictures.append(np.clip(ramp + rng.normal(0, 30, (h, w, 3)), 0, 255).astype(np.uint8))
-    return pictures
 
 
 def _scene() -> tuple[npt.NDArray[np.uint8], npt.NDArray[np.float32], Masks]:
     """A picture with three masks, the second of them without a pixel."""
-    rgb = _pictures(1, [(48, 60)])[0]
+    rgb = tiny.pictures(1, [(48, 60)])[0]
     labels = np.zeros((48, 60), np.int32)
     labels[3:20, 40:58], labels[25:48, 0:33] = 1, 3
     labels[30:35, 5:9] = 0
@@ -105,101 +90,6 @@ def _torch_texts(kind: str, model: Any, texts: list[str]) -> npt.NDArray[np.floa
         return unit(tiny.texts_of(model, **given).numpy())
 
 
-# --- crops ---------------------------------------------------------------------------------------------------------------
-
-
-@settings(max_examples=60, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.integers(1, 4), st.floats(0.01, 0.8), st.booleans())
-def test_crops_are_squares_that_hold_the_mask_and_grow(seed: int, levels: int, ratio: float, whiten: bool) -> None:
-    rng = np.random.default_rng(seed)
-    h, w = rng.integers(1, 40, 2)
-    labels = rng.integers(0, 4, (h, w)).astype(np.int32) * (rng.random((h, w)) < 0.2)
-    rgb = rng.integers(0, 250, (h, w, 3)).astype(np.uint8)
-    crops = Crops(levels, ratio, whiten).of_masks(rgb, labels.astype(np.int32), 3)
-    assert len(crops) == 3
-    for number, part in enumerate(crops, start=1):
-        mask = labels == number
-        assert len(part) == (levels if mask.any() else 0)
-        contents = [int((crop < 255).any(-1).sum()) for crop in part]  # padding and what was whitened are 255
-        assert all(crop.shape[0] == crop.shape[1] and crop.shape[2] == 3 for crop in part)
-        if whiten:
-            assert all(n == mask.sum() for n in contents)
-        elif part:
-            rows, columns = np.nonzero(mask)
-            tight = rgb[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
-            assert np.array_equal(part[0], white_square(tight))
-            grew = np.diff(contents)
-            assert (grew >= 0).all()
-            assert all(g > 0 or n == h * w for g, n in zip(grew, contents[1:], strict=True))
-
-
-def test_a_box_grows_by_the_ratio_of_itself_and_stops_at_the_edge() -> None:
-    boxes = Crops(3, 0.1).boxes((slice(10, 30), slice(2, 12)), 100, 50)
-    assert boxes == [
-        (slice(10, 30), slice(2, 12)),
-        (slice(8, 32), slice(1, 13)),
-        (slice(6, 34), slice(0, 14)),
-    ]
-
-
-def test_wrong_crop_settings_and_pictures_are_refused() -> None:
-    for wrong in ({"levels": 0}, {"ratio": -0.1}, {"ratio": float("nan")}):
-        with pytest.raises(ValueError, match=next(iter(wrong))):
-            Crops(**wrong)  # type: ignore[arg-type]
-    with pytest.raises(ValueError, match="rgb is"):
-        Crops().of_masks(np.zeros((4, 4, 3), np.uint8), np.zeros((4, 5), np.int32), 1)
-
-
-# --- preprocessing -------------------------------------------------------------------------------------------------------
-
-WAYS = [
-    (False, {}),
-    (True, {}),
-    (False, {"size": {"shortest_edge": 20}, "crop_size": {"height": 31, "width": 26}}),
-    (False, {"size": {"height": 30, "width": 21}, "do_center_crop": False, "resample": 2}),
-    (False, {"do_normalize": False, "crop_size": {"height": 17, "width": 20}}),
-    (True, {"do_rescale": False, "image_mean": [1.0, 2.0, 3.0], "image_std": [4.0, 5.0, 6.0], "resample": 1}),
-    (True, {"rescale_factor": 0.01, "do_pad": True, "pad_size": {"height": 40, "width": 37}}),
-    (False, {"do_resize": False}),
-]
-
-
-@pytest.mark.parametrize(("siglip", "changes"), WAYS)
-def test_preprocessing_equals_the_image_processors_of_transformers(siglip: bool, changes: dict[str, Any]) -> None:
-    theirs = type(tiny.processor(siglip)).from_dict(tiny.processor(siglip).to_dict() | changes)
-    ours = from_transformers(theirs.to_dict(), Path("x"), siglip=siglip)
-    sizes = np.random.default_rng(3).integers(3, 90, (25, 2))
-    pictures = _pictures(2, [(int(h), int(w)) for h, w in sizes])
-    expected = np.stack(theirs(pictures)["pixel_values"])
-    assert ours.output == expected.shape[2:]
-    np.testing.assert_allclose(ours(pictures), expected, rtol=0, atol=2e-6)
-
-
-def test_old_and_short_configurations_mean_what_they_meant() -> None:
-    old = {"feature_extractor_type": "CLIPFeatureExtractor", "size": 32, "crop_size": 30, "resample": 3}
-    clip, siglip = (from_transformers(c, Path("x"), siglip=s) for c, s in ((old, True), ({"size": 32}, True)))
-    assert (clip.mode, clip.size, clip.crop) == ("shortest", (32, 32), (30, 30))
-    assert (siglip.mode, siglip.size, siglip.crop, siglip.mean) == ("exact", (32, 32), None, (0.5, 0.5, 0.5))
-
-
-def test_open_clips_longest_edge_keeps_all_of_the_picture_in_the_middle() -> None:
-    config = {"size": 20, "resize_mode": "longest", "fill_color": 255, "mean": [0, 0, 0], "std": [1, 1, 1]}
-    pixels = from_open_clip(config, Path("x"))([np.zeros((10, 40, 3), np.uint8)])[0]
-    assert pixels.shape == (3, 20, 20)
-    assert np.array_equal(pixels[0] == 0, np.repeat((np.arange(20) >= 7) & (np.arange(20) < 12), 20).reshape(20, 20))
-
-
-@pytest.mark.parametrize("mode", ["shortest", "longest", "squash"])
-def test_preprocessing_equals_open_clips(mode: str) -> None:
-    _open_clip_or_skip()
-    from open_clip.transform import PreprocessCfg, image_transform_v2  # type: ignore[import-not-found]
-
-    config = {"size": 32, "mean": [0.5, 0.4, 0.3], "std": [0.2, 0.3, 0.4], "resize_mode": mode, "fill_color": 9}
-    ours, theirs = from_open_clip(config, Path("x")), image_transform_v2(PreprocessCfg(**config), is_train=False)
-    for picture in _pictures(4, [(int(h), int(w)) for h, w in np.random.default_rng(5).integers(4, 99, (25, 2))]):
-        np.testing.assert_allclose(ours([picture])[0], theirs(Image.fromarray(picture)).numpy(), rtol=0, atol=1e-6)
-
-
 # --- tokens --------------------------------------------------------------------------------------------------------------
 
 
@@ -238,7 +128,7 @@ def test_pictures_and_texts_equal_the_torch_original(
     models: dict[str, Any], folders: dict[str, Path], kind: str, layout: str
 ) -> None:
     encoder = OnnxClipEncoder(folders[f"{kind} {layout}"], batch=2)
-    pictures = _pictures()
+    pictures = tiny.pictures()
     images, texts = encoder.encode_pictures(pictures), encoder.encode_text(TEXTS)
     expected = _torch_images(kind, models[kind], pictures)
     assert np.abs(images - expected).max() < 1e-4
@@ -252,7 +142,7 @@ def test_pictures_and_texts_equal_the_torch_original(
 
 @pytest.mark.parametrize("layout", ["towers", "combined"])
 def test_siglips_calibration_is_its_own_sigmoid(models: dict[str, Any], folders: dict[str, Path], layout: str) -> None:
-    encoder, pictures = OnnxClipEncoder(folders[f"siglip {layout}"]), _pictures()
+    encoder, pictures = OnnxClipEncoder(folders[f"siglip {layout}"]), tiny.pictures()
     pixels = torch.tensor(np.stack(tiny.processor(True)(pictures)["pixel_values"]))
     ids = tiny.siglip_tokenizer()(TEXTS, padding="max_length", truncation=True, return_tensors="pt")["input_ids"]
     with torch.no_grad():
@@ -316,7 +206,7 @@ def test_openclips_own_layout_with_names_of_its_own(
     (tmp_path / "visual" / "preprocess_cfg.json").write_text(json.dumps({"size": [32, 32], "resize_mode": "squash"}))
     encoder = OnnxClipEncoder(tmp_path)
     assert encoder.calibration.slope == pytest.approx(np.exp(3.5))
-    squares = [white_square(p) for p in _pictures()]
+    squares = [white_square(p) for p in tiny.pictures()]
     assert np.abs(encoder.encode_pictures(squares) - _torch_images("clip", models["clip"], squares)).max() < 1e-4
     # CLIP attends backwards only, so that what texts are filled up with does not show.
     assert np.abs(encoder.encode_text(TEXTS) - _torch_texts("clip", models["clip"], TEXTS)).max() < 1e-4
@@ -324,13 +214,13 @@ def test_openclips_own_layout_with_names_of_its_own(
 
 def test_lesser_precisions_and_newer_processor_files_are_found(folders: dict[str, Path], tmp_path: Path) -> None:
     folder = _copy(folders["clip towers"], tmp_path)
-    whole = OnnxClipEncoder(folder).encode_pictures(_pictures())
+    whole = OnnxClipEncoder(folder).encode_pictures(tiny.pictures())
     for part in ("vision", "text"):
         (folder / "onnx" / f"{part}_model.onnx").rename(folder / f"{part}_model_fp16.onnx")
     settings = json.loads((folder / "preprocessor_config.json").read_text())
     (folder / "preprocessor_config.json").unlink()
     (folder / "processor_config.json").write_text(json.dumps({"image_processor": settings}))
-    assert np.array_equal(OnnxClipEncoder(folder).encode_pictures(_pictures()), whole)
+    assert np.array_equal(OnnxClipEncoder(folder).encode_pictures(tiny.pictures()), whole)
 
 
 # --- regions, crops, memory ----------------------------------------------------------------------------------------------
@@ -362,7 +252,7 @@ def test_regions_are_the_mean_of_their_crops(folders: dict[str, Path], layout: s
 
 
 def test_crops_of_things_are_not_cut(models: dict[str, Any], folders: dict[str, Path]) -> None:
-    encoder, pictures = OnnxClipEncoder(folders["clip towers"]), _pictures()
+    encoder, pictures = OnnxClipEncoder(folders["clip towers"]), tiny.pictures()
     expected = _torch_images("clip", models["clip"], [white_square(p) for p in pictures])
     assert np.abs(encoder.encode_crops(pictures) - expected).max() < 1e-4
 
@@ -563,20 +453,9 @@ def test_wrong_input_names_and_towers_of_two_models(
 # --- open_clip -----------------------------------------------------------------------------------------------------------
 
 
-def _open_clip_or_skip() -> Any:
-    import importlib.util
-
-    if importlib.util.find_spec("open_clip") is None or importlib.util.find_spec("torchvision") is None:
-        pytest.skip("open_clip is not installed: pip install 'openmap-nav[clip]'")
-    from openmap_agents.perception.torchvision_import import import_torchvision
-
-    import_torchvision()
-    return importlib.import_module("open_clip")
-
-
 @pytest.fixture(scope="module")
 def open_clip_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    open_clip = _open_clip_or_skip()
+    open_clip = tiny.open_clip_or_skip()
     from safetensors.torch import save_file as save_tensors
 
     folder = tmp_path_factory.mktemp("open_clip")
@@ -591,10 +470,10 @@ def open_clip_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_an_open_clip_folder_gives_what_open_clip_gives(open_clip_folder: Path) -> None:
-    open_clip = _open_clip_or_skip()
+    open_clip = tiny.open_clip_or_skip()
     from openmap_agents.perception.openclip import OpenClipEncoder
 
-    encoder, pictures = OpenClipEncoder(str(open_clip_folder), batch=2, device="cpu"), _pictures()
+    encoder, pictures = OpenClipEncoder(str(open_clip_folder), batch=2, device="cpu"), tiny.pictures()
     name = f"local-dir:{open_clip_folder}"
     model, prepare = open_clip.create_model_from_pretrained(name)
     with torch.no_grad():
@@ -619,7 +498,7 @@ def test_an_open_clip_folder_gives_what_open_clip_gives(open_clip_folder: Path) 
     ],
 )
 def test_wrong_names_of_open_clip_models(name: str, message: str) -> None:
-    _open_clip_or_skip()
+    tiny.open_clip_or_skip()
     from openmap_agents.perception.openclip import OpenClipEncoder
 
     with pytest.raises(DataError, match=message):
@@ -646,7 +525,7 @@ def test_weights_of_open_clip_that_are_damaged_or_of_another_model_or_code(
 
 
 def test_a_hub_that_cannot_be_reached_is_one_message(monkeypatch: pytest.MonkeyPatch) -> None:
-    open_clip = _open_clip_or_skip()
+    open_clip = tiny.open_clip_or_skip()
     from openmap_agents.perception.openclip import OpenClipEncoder
 
     def refuse(*_: Any, **__: Any) -> None:
