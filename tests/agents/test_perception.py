@@ -101,6 +101,12 @@ def test_a_picture_that_does_not_fit_its_camera_is_refused():
         make_segmenter().segment(RGB, DEPTH[..., None], POSE, CAMERA)
 
 
+@pytest.mark.parametrize(("labels", "n"), [([[0, 3]], 2), ([[-1, 1]], 2), ([0, 1], 1)])
+def test_masks_whose_numbers_have_no_score_are_refused(labels: list, n: int):
+    with pytest.raises(ValueError, match="to the number of scores"):
+        Masks(np.array(labels, np.int32), np.ones(n, np.float32))
+
+
 def test_depth_in_millimetres_is_refused_and_not_taken_for_kilometres():
     with pytest.raises(ValueError, match="divide millimetres by 1000"):
         make_segmenter().segment(RGB, (DEPTH * 1000).astype(np.uint16), POSE, CAMERA)

@@ -260,7 +260,7 @@ def test_specs_for_both_and_for_each(tmp_path: Path):
     with pytest.raises(DataError, match="nothing there"):
         resolve(segmenter="sam:/no/such/file.onnx")
     for spec in ("eyes", "embedded:x", "sam", "sam:", "oracle:", "precomputed"):
-        with pytest.raises(ValueError, match=r"segmenter spec is .*'embedded', 'oracle', .*'precomputed:<folder>'"):
+        with pytest.raises(ValueError, match=r"segmenter spec is .*'embedded', .*'oracle', .*'precomputed:<folder>'"):
             make_segmenter(spec)
 
 

@@ -30,6 +30,15 @@ class Masks:
     labels: npt.NDArray[np.int32]
     scores: npt.NDArray[np.float32]
 
+    def __post_init__(self) -> None:
+        """ValueError for numbers that no score goes with, or below 0: what counts pixels by them would go astray."""
+        low, high = (int(f(initial=0)) for f in (self.labels.min, self.labels.max))
+        if self.labels.ndim != 2 or low < 0 or high > len(self.scores):
+            raise ValueError(
+                f"masks with labels {self.labels.shape} of {low} to {high} and {len(self.scores)} scores, "
+                "expected labels (H, W) of 0 to the number of scores"
+            )
+
     def __len__(self) -> int:
         return len(self.scores)
 
