@@ -259,7 +259,9 @@ def test_specs_for_both_and_for_each(tmp_path: Path):
         resolve("openclip:ViT-B-32/laion")
     with pytest.raises(DataError, match="nothing there"):
         resolve(segmenter="sam:/no/such/file.onnx")
-    for spec in ("eyes", "embedded:x", "sam", "sam:", "oracle:", "precomputed"):
+    with pytest.raises(DataError, match="nothing there"):
+        make_segmenter("embedded:/no/such/folder")
+    for spec in ("eyes", "embedded:", "sam", "sam:", "oracle:", "precomputed"):
         with pytest.raises(ValueError, match=r"segmenter spec is .*'embedded', .*'oracle', .*'precomputed:<folder>'"):
             make_segmenter(spec)
 
