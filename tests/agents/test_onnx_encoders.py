@@ -20,7 +20,8 @@ from hypothesis import strategies as st
 from PIL import Image
 from safetensors.numpy import save_file
 
-from openmap_agents.perception.crop_encoder import VOCABULARY, unit
+from openmap_agents.perception.conse import unit
+from openmap_agents.perception.crop_encoder import VOCABULARY
 from openmap_agents.perception.crops import Crops, white_square
 from openmap_agents.perception.onnx.clip import OnnxClipEncoder, cover
 from openmap_agents.perception.onnx.clip_files import read_clip_folder

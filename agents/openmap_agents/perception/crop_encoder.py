@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
+from openmap_agents.perception.conse import unit
 from openmap_agents.perception.crops import Crops, white_square
 from openmap_agents.perception.protocol import Calibration, Masks
 from openmap_scenes import PinholeCamera
@@ -129,13 +130,6 @@ class CropEncoder(ABC):
         total = np.zeros((len(masks), self.dim), np.float32)
         np.add.at(total, owners, vectors)
         return unit(total)
-
-
-def unit(vectors: npt.NDArray[np.floating]) -> npt.NDArray[np.float32]:
-    """Rows (n, D) brought to length one; a zero row becomes the first axis, so that every row has length one."""
-    rows = np.asarray(vectors, np.float64)
-    length = np.linalg.norm(rows, axis=1, keepdims=True)
-    return np.where(length > 0, rows / np.maximum(length, 1e-30), np.eye(1, rows.shape[1])).astype(np.float32)
 
 
 def _pictures_of_nothing() -> list[npt.NDArray[np.uint8]]:

@@ -17,7 +17,6 @@ the rests fill up to length one. So a cosine is g (S v.t + h(d) (L - log Z) + N 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -55,14 +54,6 @@ FARTHEST = 0.75  # d counts no more beyond this, so that a text stays within len
 _CENTRE = 13.5  # L: the middle of what log Z can be, so that what is added is small
 _TEXT, _BIAS, _NOVEL = 0.81, 0.49, 0.35  # c, s, k
 _GAIN = 0.029  # g: as large as lets both sides stay within length one
-
-
-@dataclass(frozen=True)
-class Opinions:
-    """v (n, 384) and log Z (n,) of n regions."""
-
-    vectors: npt.NDArray[np.float32]
-    log_z: npt.NDArray[np.float32]
 
 
 class EmbeddedEncoder:
@@ -142,12 +133,12 @@ class EmbeddedEncoder:
             return np.zeros((0, self.dim), np.float32)
         pooled = [self.front.backbone.dense(crop)[-1].mean((1, 2)) for crop in crops]
         vectors = self._words_of_head(np.stack(pooled)) * 0.5
-        return self._as_cosines(Opinions(vectors, self._log_z(vectors)))
+        return self._as_cosines(vectors)
 
     def vectors(self, described: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
         """Unit vectors (n, D) of descriptions (n, N_DESCRIPTION)."""
         vectors = fuse(self.opinions(described))
-        return self._as_cosines(Opinions(vectors, self._log_z(vectors)))
+        return self._as_cosines(vectors)
 
     def opinions(self, described: npt.NDArray[np.float32]) -> dict[str, npt.NDArray[np.float32]]:
         """What each head and ConSE say, unit vectors (n, 384) by name."""
@@ -158,15 +149,11 @@ class EmbeddedEncoder:
     def _words_of_head(self, pooled: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
         return unit(self._conse(self.front.backbone.class_logits(pooled)) - self._mean)
 
-    def _log_z(self, vectors: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-        return np.asarray(np.log(np.exp(SHARPNESS * (vectors @ self._bank.T)).sum(1)), np.float32)
-
-    @staticmethod
-    def _as_cosines(opinions: Opinions) -> npt.NDArray[np.float32]:
-        """[a v, b (L - log Z), k, rest, 0] as unit vectors."""
-        a, b, n = _GAIN * SHARPNESS / _TEXT, _GAIN / _BIAS, len(opinions.vectors)
-        bias = b * (_CENTRE - opinions.log_z)[:, None]
-        filled = _filled(np.hstack([a * opinions.vectors, bias, np.full((n, 1), _NOVEL, np.float32)]))
+    def _as_cosines(self, vectors: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        """[a v, b (L - log Z), k, rest, 0] of v (n, 384), as unit vectors."""
+        a, b, n = _GAIN * SHARPNESS / _TEXT, _GAIN / _BIAS, len(vectors)
+        log_z = np.log(np.exp(SHARPNESS * (vectors @ self._bank.T)).sum(1, keepdims=True))
+        filled = _filled(np.hstack([a * vectors, b * (_CENTRE - log_z), np.full((n, 1), _NOVEL, np.float32)]))
         return np.hstack([filled, np.zeros((n, 1), np.float32)])
 
 

@@ -13,7 +13,8 @@ import cv2
 import numpy as np
 import numpy.typing as npt
 
-from openmap_agents.perception.crop_encoder import CropEncoder, unit
+from openmap_agents.perception.conse import unit
+from openmap_agents.perception.crop_encoder import CropEncoder
 from openmap_agents.perception.crops import Crops
 from openmap_agents.perception.onnx.clip_files import ClipFiles, read_clip_folder
 from openmap_agents.perception.onnx.session import Model, Port, load, open_model

@@ -107,17 +107,16 @@ class Example:
 def example(lesson: Lesson, shard: Shard, bank: Bank) -> Example:
     """A lesson made ready."""
     maps = dequantised(lesson)
-    h, w = lesson.local.shape
-    step = round(maps[1].shape[2] * 8 / w)
+    step, height, width = lesson.grid
     rows, cells = lesson.regions.astype(np.int64), []
     for kind, labels in enumerate((lesson.local, lesson.rough)):
-        level = cover(labels, len(lesson.present), step, h * step, w * step)[1]
+        level = cover(labels, len(lesson.present), step, height, width)[1]
         level /= np.maximum(level.sum(1, keepdims=True), 1.0)
         cells.append(level[rows[lesson.kind_of_mask == kind] - 1])
     names = [shard.names.get(int(i)) for i in lesson.present]
     own = np.array([bank.number(name) for name in names], np.int64)[rows - 1]
     known = own >= 0
-    at_rows, at_columns = cells_of(step, 4, h * step, w * step)
+    at_rows, at_columns = cells_of(step, 4, height, width)
     v, u = (np.searchsorted(at, np.arange(at[-1] + 1)) for at in (at_rows, at_columns))
     local = lesson.local[v[:, None], u].astype(np.int64)
     classes = np.array([0, *(1 + _ALL_STRUCTURE.index(n) if n in STRUCTURE else 0 for n in names)], np.int64)[local]

@@ -42,11 +42,9 @@ class Regions:
 
 def neck_means(lesson: Lesson, features: Features) -> npt.NDArray[np.float32]:
     """The neck's shape and looks under the masks of a lesson's rows, side by side."""
-    h, w = lesson.local.shape
-    step = round(features.looks.shape[2] * 8 / w)
     out = []
     for kind, labels in enumerate((lesson.local, lesson.rough)):
-        cells = cover(labels, len(lesson.present), step, h * step, w * step)[1]
+        cells = cover(labels, len(lesson.present), *lesson.grid)[1]
         chosen = cells[lesson.regions[lesson.kind_of_mask == kind].astype(np.int64) - 1]
         out.append(np.hstack([means(chosen, m) for m in (features.shape, features.looks)]))
     return np.concatenate(out)

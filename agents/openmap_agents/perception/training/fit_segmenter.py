@@ -65,9 +65,8 @@ def samples(paths: list[Path], neck: Neck, most: int, progress: Callable[[], Non
             lesson = shard.lesson(k)
             assert lesson.patches is not None
             features = neck(dequantised(lesson), lesson.geometry.astype(np.float32))
-            (h, w), patches = lesson.local.shape, lesson.patches
-            step = round(features.looks.shape[2] * 8 / w)
-            where = cells_of(step, 4, h * step, w * step)
+            patches, (step, height, width) = lesson.patches, lesson.grid
+            where = cells_of(step, 4, height, width)
             add_belonging(patches.regions, patches.patches.astype(np.int32), features.belonging, *where)
             names = [shard.names.get(i, "") for i in lesson.present.tolist()]
             structure = np.array([True, *(name in STRUCTURE for name in names)])

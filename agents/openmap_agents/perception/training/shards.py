@@ -81,6 +81,13 @@ class Lesson:
     colour: npt.NDArray[np.float16]
     patches: Patches | None
 
+    @property
+    def grid(self) -> tuple[int, int, int]:
+        """Step of the working picture, height and width of the camera's as far as it fills it, px."""
+        h, w = self.local.shape
+        step = round(self.maps[1].shape[2] * 8 / w)
+        return step, h * step, w * step
+
 
 def rough_masks(
     local: npt.NDArray[np.int32], patches: npt.NDArray[np.int32], rng: np.random.Generator
