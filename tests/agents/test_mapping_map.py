@@ -1,12 +1,8 @@
-"""What a map can be asked, and its file."""
+"""What a map can be asked."""
 
 from __future__ import annotations
 
-import json
-import zipfile
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from openmap_agents.mapping import InstanceMap, MapInstance
-from openmap_scenes import DataError
+from openmap_agents.mapping.identity import BORN, GONE, JOINED, SPLIT
 
 
 def thing(instance_id: int, centre: tuple[float, float, float], size: float = 0.2, **rest: Any) -> MapInstance:
@@ -83,134 +79,58 @@ def test_labels_are_set_on_a_copy(small_map: InstanceMap) -> None:
     assert small_map.get(5).label == ""
 
 
-def assert_equal(a: InstanceMap, b: InstanceMap) -> None:
-    assert (a.voxel_size, a.segmenter, a.encoder) == (b.voxel_size, b.segmenter, b.encoder)
-    for one, other in zip(a, b, strict=True):
-        for name in MapInstance.__dataclass_fields__:
-            x, y = getattr(one, name), getattr(other, name)
-            if isinstance(x, np.ndarray):
-                assert x.dtype == y.dtype
-                np.testing.assert_array_equal(x, y)
-            else:
-                assert type(x) is type(y)
-                assert x == y
+def test_the_best_views_are_the_largest_of_each_picture() -> None:
+    views = np.array([[3, 1, 90], [0, 2, 40], [3, 7, 30], [1, 1, 20], [5, 1, 9]], np.int32)
+    instance = thing(1, (0, 0, 0), views=views)
+    assert instance.best_views(3).tolist() == [[3, 1, 90], [0, 2, 40], [1, 1, 20]]
+    assert len(instance.best_views(9)) == 4
+    assert thing(1, (0, 0, 0)).best_views().shape == (0, 3)
 
 
-def test_a_map_comes_back_from_its_file_as_it_was(small_map: InstanceMap, tmp_path: Path) -> None:
-    path = tmp_path / "deep" / "walk.map"
-    small_map.save(path)
-    assert_equal(InstanceMap.load(path), small_map)
-    told = replace(small_map, segmenter="sam:/a", encoder="oracle:drop=.1")
-    told.save(path)
-    assert_equal(InstanceMap.load(path), told)
-    InstanceMap().save(path)
-    assert len(InstanceMap.load(path)) == 0
-    assert [p.name for p in path.parent.iterdir()] == ["walk.map"], "a temporary file was left"
+def test_the_nearest_is_that_of_the_nearest_point(small_map: InstanceMap) -> None:
+    large = replace(small_map.get(9), points=np.array([[0, 0, 0.4], [9, 9, 9]], np.float32))
+    a_map = replace(small_map, instances=[*small_map.instances[:3], large])
+    # Its centre is far off, one of its points is near.
+    assert a_map.nearest((0, 0, 0.3)) is large
+    assert a_map.nearest((0, 0, 0.3), within=0.05) is None
+    assert a_map.ids_at([(0, 0, 0.3), (0, 1, 0), (0.61, 0.1, 0.1), (-9, 0, 0)], within=1).tolist() == [9, 2, 5, 0]
+    assert InstanceMap().nearest((0, 0, 0)) is None
+    assert a_map.ids_at(np.empty((0, 3))).shape == (0,)
 
 
-def test_a_failed_save_leaves_the_old_file(small_map: InstanceMap, tmp_path: Path) -> None:
-    path = tmp_path / "map.npz"
-    small_map.save(path)
-    broken = InstanceMap([replace(small_map.instances[0], feature=np.ones(2)), thing(8, (0, 0, 0), feature=np.ones(3))])
-    with pytest.raises(ValueError, match="features of 2 and 3 dimensions"):
-        broken.save(path)
-    assert_equal(InstanceMap.load(path), small_map)
-    assert len(list(tmp_path.iterdir())) == 1
+@given(st.integers(0, 10_000))
+@settings(max_examples=30, deadline=None)
+def test_the_nearest_equals_a_plain_search(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    a_map = InstanceMap([thing(3 * n + 1, tuple(rng.normal(size=3))) for n in range(6)])
+    for place in rng.normal(size=(5, 3)):
+        distance = [float(np.linalg.norm(i.points.astype(np.float64) - place, axis=1).min()) for i in a_map]
+        found = a_map.nearest(place)
+        assert found is not None
+        assert distance[a_map.instances.index(found)] == pytest.approx(min(distance))
 
 
-def rewrite(path: Path, change: Callable[[dict[str, Any], dict[str, np.ndarray]], None]) -> None:
-    with np.load(path) as data:
-        columns = {name: data[name] for name in data.files}
-    header = json.loads(columns.pop("header").tobytes())
-    change(header, columns)
-    with path.open("wb") as file:
-        np.savez(file, header=np.frombuffer(json.dumps(header).encode(), np.uint8), **columns)
+def test_similarities_are_cosines(small_map: InstanceMap) -> None:
+    got = small_map.similarities([4.0, 3.0])
+    assert got[0] == pytest.approx(0.96)
+    assert np.isnan(got[1:]).all()
+    assert InstanceMap([thing(1, (0, 0, 0))]).similarities([1, 2, 3]).shape == (1,)
+    for wrong in ([1.0, 0.0, 0.0], [0.0, 0.0], [np.nan, 1.0]):
+        with pytest.raises(ValueError, match="2 dimensions and a length above 0"):
+            small_map.similarities(wrong)
 
 
-def _newer(header: dict[str, Any], columns: dict[str, np.ndarray]) -> None:
-    header["version"] = 99
-
-
-def _other(header: dict[str, Any], columns: dict[str, np.ndarray]) -> None:
-    header["format"] = "holiday photos"
-
-
-def _altered(header: dict[str, Any], columns: dict[str, np.ndarray]) -> None:
-    columns["points"] = columns["points"] + 1
-
-
-def _missing(header: dict[str, Any], columns: dict[str, np.ndarray]) -> None:
-    del columns["views"]
-
-
-def _huge(header: dict[str, Any], columns: dict[str, np.ndarray]) -> None:
-    header["arrays"]["points"]["shape"] = [2**60, 3]
-
-
-def _labels(header: dict[str, Any], columns: dict[str, np.ndarray]) -> None:
-    header["labels"] = [1, 2, 3, 4]
-
-
-def _encoder(header: dict[str, Any], columns: dict[str, np.ndarray]) -> None:
-    header["encoder"] = ["embedded"]
-
-
-def _list(header: dict[str, Any], columns: dict[str, np.ndarray]) -> None:
-    header["arrays"] = []
-
-
-def _objects(header: dict[str, Any], columns: dict[str, np.ndarray]) -> None:
-    columns["points"] = np.array([{"a": 1}, print], dtype=object)
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [(_newer, "map version 99, expected version 1"), (_other, "another kind"), (_altered, "checksum"), (_missing, "damaged"),
-     (_huge, "points declared as"), (_labels, "labels"), (_encoder, "encoder of the wrong type"),
-     (_list, "damaged"), (_objects, "found")],
-)  # fmt: skip
-def test_a_file_that_cannot_be_trusted_is_refused(
-    change: Callable[[dict[str, Any], dict[str, np.ndarray]], None],
-    message: str,
-    small_map: InstanceMap,
-    tmp_path: Path,
-) -> None:
-    path = tmp_path / "map.npz"
-    small_map.save(path)
-    rewrite(path, change)
-    with pytest.raises(DataError, match=message) as caught:
-        InstanceMap.load(path)
-    assert str(path) in str(caught.value)
-
-
-def test_files_that_are_no_map_are_refused(small_map: InstanceMap, tmp_path: Path) -> None:
-    path = tmp_path / "map.npz"
-    with pytest.raises(DataError, match="no such file"):
-        InstanceMap.load(path)
-    for content in (b"", b"not a zip at all", b"PK\x03\x04"):
-        path.write_bytes(content)
-        with pytest.raises(DataError):
-            InstanceMap.load(path)
-    with zipfile.ZipFile(path, "w") as archive:
-        archive.writestr("readme.txt", "hello")
-    with pytest.raises(DataError, match="without a header"):
-        InstanceMap.load(path)
-    with pytest.raises(DataError):
-        InstanceMap.load(tmp_path)
-
-
-def test_a_file_cut_or_flipped_anywhere_is_refused_or_unharmed(small_map: InstanceMap, tmp_path: Path) -> None:
-    path = tmp_path / "map.npz"
-    small_map.save(path)
-    whole = path.read_bytes()
-    for end in range(0, len(whole), 97):
-        path.write_bytes(whole[:end])
-        with pytest.raises(DataError):
-            InstanceMap.load(path)
-    for place in range(0, len(whole), 41):
-        path.write_bytes(whole[:place] + bytes([whole[place] ^ 0x55]) + whole[place + 1 :])
-        try:
-            read = InstanceMap.load(path)
-        except DataError:
-            continue
-        assert_equal(read, small_map)
+def test_ids_of_earlier_states_are_resolved(small_map: InstanceMap) -> None:
+    given_ids = [[0, i, 0, BORN] for i in (1, 2, 3, 5, 6)]
+    rows = [*given_ids, [4, 9, 5, SPLIT], [5, 1, 2, JOINED], [6, 3, 0, GONE], [7, 10, 0, BORN]]
+    told = replace(small_map, history=np.array(rows, np.int32))
+    assert [told.resolve(i) for i in (1, 2, 3, 5, 9)] == [2, 2, None, 5, 9]
+    assert told.holders(5) == [5, 9]
+    assert told.resolve(10) is None, "what somebody took out of the list is not in the map"
+    with pytest.raises(KeyError, match="never had an instance 4"):
+        told.resolve(4)
+    assert told.with_labels({2: "pot"}).resolve(1) == 2
+    # A map without a history knows what it holds.
+    assert (small_map.resolve(5), small_map.holders(5)) == (5, [5])
+    with pytest.raises(KeyError, match="no instance 1"):
+        small_map.resolve(1)
