@@ -7,15 +7,15 @@ after nodes were joined, so that a rate can exceed 1; thresholds compare with >=
 
 What the source leaves open, and what is done here:
 
-- The code crops the cloud to the open bounding box of a mask's points before the ball query. On a scan that trims a rim; on
-  flat surfaces without noise it deletes the mask. ``box_margin`` has the query's radius, which undoes the crop; 0 is the code.
+- The code crops the cloud to the open bounding box of a mask's points before the ball query. On noisy depth that trims a rim; a
+  flat mask along an axis it deletes. ``box_margin`` is the query's radius, which undoes the crop; 0 is the code.
 - The ball query keeps the first ``max_neighbours`` points by index, not the nearest (its GPU kernel does so); so here.
 - The code visits points in the order of a Python set. Here they are ascending, which may give border points of a DBSCAN cluster
   to another cluster, nothing more.
 - An object found to lie in another goes on being compared and may take out a third. So here.
 - The segmenter's own filters (score, area in the picture) come before this.
-- The code holds dense tables on a GPU, points x frames and masks x masks. The same numbers come from sparse products here, which
-  takes less memory and time on a CPU than the public code does.
+- The code holds dense tables, points x frames and masks x masks. Sparse products give the same numbers here for less memory
+  and CPU time.
 
 Point filters are Open3D's, as in the code. ``semantics="product"`` is OpenMap's (MM '25) public code: edges where rate times cosine
 exceeds 0.62, a node having the feature of its member with most points. Where one of two has none, the rate alone decides.
@@ -257,7 +257,7 @@ def observer_schedule(visible: npt.NDArray[np.float32]) -> list[float]:
     for percent in range(95, -5, -5):
         rank = percent / 100 * (up_to[-1] - 1)
         low, high = np.searchsorted(up_to, [np.floor(rank), np.ceil(rank)], side="right") if up_to[-1] else (0, 0)
-        observers = float(low + (rank - np.floor(rank)) * (high - low))
+        observers = float(np.float32(low + (rank - np.floor(rank)) * (high - low)))
         if observers <= 1 and percent < 50:
             break
         schedule.append(max(observers, 1.0))
@@ -377,9 +377,8 @@ def drop_overlapping(objects: list[ClusteredInstance], n_points: int, tau: float
 
 
 def _mean_feature(features: npt.NDArray[np.float32]) -> npt.NDArray[np.float32] | None:
-    some = features[features.any(1)].astype(np.float64)
-    mean = some.sum(0)
-    norm = float(np.linalg.norm(mean)) if len(some) else 0.0
+    mean = features.astype(np.float64).sum(0)
+    norm = float(np.linalg.norm(mean))
     return None if norm < 1e-9 else np.asarray(mean / norm, np.float32)
 
 
