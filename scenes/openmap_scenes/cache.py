@@ -32,6 +32,8 @@ FOLDER_VARIABLE, LIMIT_VARIABLE = "OPENMAP_CACHE", "OPENMAP_CACHE_GB"
 DEFAULT_LIMIT_GB = 20.0
 # Libraries that decode what readers read: another version may give other pixels.
 LIBRARIES = ("openmap-nav", "numpy", "scipy", "pillow", "trimesh", "plyfile", "open3d")
+# What Python and numba compile, which appears while the package is at work, and readers of recordings, which no scene comes from.
+NO_SCENES = frozenset({"__pycache__", "recordings"})
 # How long one process waits for another one that reads the same scene, s.
 PATIENCE = 900.0
 # What an interrupted process left behind goes after this time, s.
@@ -64,9 +66,9 @@ def cached(
     """The scene that ``read`` gives, from the cache where it is there.
 
     The key is made of ``key_parts``, of the bytes and names of ``files`` (with the name of the folder that holds them all, since
-    scenes are named after it), of the code of this package and of the versions of the libraries that decode. The digest of a
-    file is remembered by its path, size, inode and times of change, so a file that changes while all of these stay (on file
-    systems that keep no time of change, or a coarse one) is taken for the old one.
+    scenes are named after it), of the code of this package but for ``recordings`` and of the versions of the libraries that
+    decode. The digest of a file is remembered by its path, size, inode and times of change, so a file that changes while all of
+    these stay (on file systems that keep no time of change, or a coarse one) is taken for the old one.
 
     Parameters
     ----------
@@ -283,11 +285,10 @@ def _check(*texts: str) -> str:
 
 
 def _code_digest() -> str:
-    """The digest of every file of this package, so that a reader that was changed never gives what the old one gave."""
+    """The digest of every file of this package that a scene can depend on: a changed reader never gives what the old one gave."""
     package, hasher = Path(__file__).parent, hashlib.blake2b(digest_size=16)
     for file in sorted(package.rglob("*")):
-        # What Python and numba compile appears while the package is at work.
-        if "__pycache__" not in file.relative_to(package).parts and file.is_file():
+        if NO_SCENES.isdisjoint(file.relative_to(package).parts) and file.is_file():
             with suppress(OSError):  # an editor's file of a moment
                 hasher.update(file.relative_to(package).as_posix().encode() + b"\0" + file.read_bytes() + b"\0")
     return hasher.hexdigest()

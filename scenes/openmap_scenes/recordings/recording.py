@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
@@ -59,3 +60,63 @@ class Recording(Protocol):
         ...
 
     def __iter__(self) -> Iterator[Frame]: ...
+
+    def frame(self, position: int) -> Frame:
+        """The frame at a position in 0..len - 1, read now and no other one; IndexError beyond."""
+        ...
+
+
+class RandomAccess(ABC):
+    """Gives frames in turn and by position, from a method that reads the one at a position."""
+
+    @abstractmethod
+    def __len__(self) -> int: ...
+
+    @abstractmethod
+    def _read(self, position: int) -> Frame:
+        """The frame at a position that is there."""
+
+    def frame(self, position: int) -> Frame:
+        """The frame at a position in 0..len - 1, read now and no other one; IndexError beyond."""
+        if not 0 <= position < len(self):
+            raise IndexError(f"frame {position} of a recording of {len(self)}, expected 0..{len(self) - 1}")
+        return self._read(position)
+
+    def __iter__(self) -> Iterator[Frame]:
+        return (self._read(position) for position in range(len(self)))
+
+
+class _Part(RandomAccess):
+    def __init__(self, recording: Recording, positions: range) -> None:
+        self._recording, self._positions = recording, positions
+        self.name, self.camera, self.skipped = recording.name, recording.camera, recording.skipped
+
+    def __len__(self) -> int:
+        return len(self._positions)
+
+    def _read(self, position: int) -> Frame:
+        return self._recording.frame(self._positions[position])
+
+
+def subsampled(recording: Recording, every: int = 1, first: int = 0, last: int | None = None) -> Recording:
+    """A part of a recording: the frames at positions first, first + every, ... up to and with ``last``.
+
+    What is left out is not read. ``skipped`` stays that of the whole recording.
+
+    Parameters
+    ----------
+    recording : Recording
+    every : int
+        1 = each frame.
+    first, last : int
+        Positions among the frames that have a pose, 0 the first; None = to the end.
+
+    Raises
+    ------
+    ValueError
+        ``every`` is less than 1, or ``first`` or ``last`` is negative.
+    """
+    if every < 1 or first < 0 or (last is not None and last < 0):
+        raise ValueError(f"every={every}, first={first}, last={last}; expected every >= 1, first and last >= 0")
+    end = len(recording) if last is None else min(last + 1, len(recording))
+    return _Part(recording, range(first, end, every))

@@ -21,7 +21,7 @@ from openmap_scenes.camera import PinholeCamera
 from openmap_scenes.errors import DataError
 from openmap_scenes.recordings.images import ColourToDepth, check_size, decode_colour, inflate
 from openmap_scenes.recordings.poses import T_world_camera, camera_of, find_T_world_scan, is_lost
-from openmap_scenes.recordings.recording import Frame
+from openmap_scenes.recordings.recording import Frame, RandomAccess
 
 VERSION = 4
 LONGEST_NAME = 4096
@@ -54,7 +54,7 @@ class _Entry:
     pose: npt.NDArray[np.float64] | None
 
 
-class SensRecording:
+class SensRecording(RandomAccess):
     """The recording in a ``.sens`` file; ``<scan>.txt`` beside it gives the alignment.
 
     Opening goes from frame to frame by their lengths and reads poses, no pictures.
@@ -90,19 +90,19 @@ class SensRecording:
     def __len__(self) -> int:
         return len(self._entries)
 
-    def __iter__(self) -> Iterator[Frame]:
+    def _read(self, position: int) -> Frame:
+        entry = self._entries[position]
         with self._path.open("rb") as file:
-            for entry in self._entries:
-                file.seek(entry.at)
-                colour, depth = file.read(entry.colour_bytes), file.read(entry.depth_bytes)
-                assert entry.pose is not None
-                source = f"{self._path} frame {entry.number}"
-                yield Frame(
-                    entry.number,
-                    self._to_depth(self._colour(f"{source} colour", colour)),
-                    self._depth(f"{source} depth", depth),
-                    entry.pose.copy(),
-                )
+            file.seek(entry.at)
+            colour, depth = file.read(entry.colour_bytes), file.read(entry.depth_bytes)
+        assert entry.pose is not None
+        source = f"{self._path} frame {entry.number}"
+        return Frame(
+            entry.number,
+            self._to_depth(self._colour(f"{source} colour", colour)),
+            self._depth(f"{source} depth", depth),
+            entry.pose.copy(),
+        )
 
     def _colour(self, source: str, data: bytes) -> npt.NDArray[np.uint8]:
         width, height = self._header.colour.width, self._header.colour.height
