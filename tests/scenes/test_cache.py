@@ -301,9 +301,9 @@ def test_a_shared_scene_from_the_cache_is_the_fresh_one(shared_scenes: Path, cac
 
 
 def test_the_key_holds_the_code_that_scenes_come_from_and_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(cache, "__file__", str(tmp_path / "cache.py"))
+    monkeypatch.setattr(cache_module, "__file__", str(tmp_path / "cache.py"))
     for name, changes in (("formats/new.py", True), ("recordings/new.py", False), ("homes/new.tsv", True)):
-        before = cache._code_digest()
+        before = cache_module._code_digest()
         (tmp_path / name).parent.mkdir()
         (tmp_path / name).write_text("x = 1\n")
-        assert (cache._code_digest() != before) == changes, name
+        assert (cache_module._code_digest() != before) == changes, name
