@@ -1,4 +1,4 @@
-"""The command line: ``openmap eval | eval perception | demo | query | scenes | episodes | bench | train perception``."""
+"""The command line: ``openmap eval | eval perception | demo | query | ap | scenes | episodes | bench | train perception``."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import tyro
 from rich.console import Console
 
 from openmap_agents.perception.training.settings import Settings as PerceptionTraining
+from openmap_eval.ap.command import Ap
 from openmap_eval.bench import Benchmark
 from openmap_eval.episode_commands import EpisodeCommand
 from openmap_eval.perception.command import EvalPerception
@@ -148,6 +149,7 @@ Command = (
     | Annotated[EvalPerception, tyro.conf.subcommand("eval perception")]
     | Annotated[Demo, tyro.conf.subcommand("demo")]
     | Annotated[Query, tyro.conf.subcommand("query")]
+    | Annotated[Ap, tyro.conf.subcommand("ap")]
     | Annotated[Scenes, tyro.conf.subcommand("scenes")]
     | Annotated[Episodes, tyro.conf.subcommand("episodes")]
     | Annotated[Bench, tyro.conf.subcommand("bench")]
@@ -163,7 +165,7 @@ def main(arguments: list[str] | None = None) -> None:
     if arguments[:1] in (["eval"], ["train"]) and arguments[1:2] == ["perception"]:
         # A command of its own: ``eval`` has flags, and so no commands below it.
         arguments[:2] = [" ".join(arguments[:2])]
-    command: Eval | EvalPerception | Demo | Query | Scenes | Episodes | Bench | TrainPerception = tyro.cli(
+    command: Eval | EvalPerception | Demo | Query | Ap | Scenes | Episodes | Bench | TrainPerception = tyro.cli(
         Command, args=arguments, prog="openmap", description=__doc__
     )
     try:

@@ -5,6 +5,7 @@
 - ``embedded`` works from pixels, offline; ``embedded:<folder>`` does so with weights of your own training;
 - ``sam:``, ``yolo:`` (segmenters), ``clip-onnx:``, ``openclip:`` (encoders) run models of the user's;
 - ``precomputed:<folder>`` reads what was computed elsewhere (``stored_frames`` has the format);
+- ``proposals:<folder>?cloud=<points file>`` (a segmenter) shows another method's 3-D instances in each picture;
 - ``oracle`` is told by the renderer and is for analysis only; ``oracle:split=.1,features=.3`` is told wrongly (``OracleNoise``).
 
 Their modules are imported when asked for, because torch takes seconds.
@@ -80,6 +81,10 @@ def make_segmenter(spec: str = "embedded", *, semantic: Semantic | None = None) 
         from openmap_agents.perception.precomputed import PrecomputedSegmenter
 
         return PrecomputedSegmenter(read.rest, read.frames)
+    if read.family == "proposals":
+        from openmap_agents.perception.proposals import ProposalSegmenter
+
+        return ProposalSegmenter(read.rest, read.cloud)
     if read.family == "oracle":
         from openmap_agents.perception.oracle import OracleSegmenter
 

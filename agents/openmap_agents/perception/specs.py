@@ -15,7 +15,8 @@ from openmap_agents.perception.stored_frames import ORDERS, Order
 from openmap_scenes import DataError
 
 _BOTH = ("embedded", "embedded:<folder of weights>", "oracle", "oracle:<noise>")
-SEGMENTERS = (*_BOTH, "sam:<folder or encoder.onnx>", "yolo:<model.onnx>", "precomputed:<folder>")
+_PROPOSALS = "proposals:<folder>?cloud=<points file>"
+SEGMENTERS = (*_BOTH, "sam:<folder or encoder.onnx>", "yolo:<model.onnx>", "precomputed:<folder>", _PROPOSALS)
 ENCODERS = (*_BOTH, "clip-onnx:<folder>", "openclip:<architecture>/<tag>", "precomputed:<folder>")
 _MINILM = "all-MiniLM-L6-v2"
 
@@ -30,11 +31,13 @@ class Spec:
         As it was given.
     family : str
     rest : str
-        What follows the colon; of "precomputed" the folder alone.
+        What follows the colon; of "precomputed" and "proposals" the folder alone.
     text_spec : str
         Of "precomputed": the encoder whose text tower is meant, "" for MiniLM.
     frames : {"picture", "order"}
         Of "precomputed": how files are found.
+    cloud : str
+        Of "proposals": the file of the points that its masks are of.
     """
 
     text: str
@@ -42,6 +45,7 @@ class Spec:
     rest: str = ""
     text_spec: str = ""
     frames: Order = "picture"
+    cloud: str = ""
 
     @property
     def noise(self) -> OracleNoise:
@@ -142,9 +146,15 @@ def _read(spec: str, what: str, forms: tuple[str, ...], paths: bool = True) -> S
         OracleNoise.parse(rest)
     if family == "precomputed":
         found = Spec(spec, family, *_options(rest, spec, paths))
-    named = family in ("sam", "yolo", "clip-onnx", "precomputed") or (family == "embedded" and bool(rest))
-    if paths and named and not Path(found.rest).exists():
-        raise DataError(found.rest, "nothing there", f"what {what} {spec!r} names")
+    if family == "proposals":
+        folder, option, cloud = rest.partition("?cloud=")
+        if not (folder and option and cloud):
+            raise ValueError(f"segmenter spec is {spec!r}, expected {_PROPOSALS}")
+        found = Spec(spec, family, folder, cloud=cloud)
+    named = family in ("sam", "yolo", "clip-onnx", "precomputed", "proposals") or (family == "embedded" and bool(rest))
+    for path in (found.rest, found.cloud):
+        if paths and named and path and not Path(path).exists():
+            raise DataError(path, "nothing there", f"what {what} {spec!r} names")
     return found
 
 
