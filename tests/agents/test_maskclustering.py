@@ -142,14 +142,20 @@ def test_what_cannot_be_used_is_refused() -> None:
 
 
 def test_noise_filters_leave_the_surface() -> None:
-    plane = np.stack([*np.meshgrid(np.arange(0, 1, 0.02), np.arange(0, 1, 0.02)), np.zeros((50, 50))], -1).reshape(
-        -1, 3
-    )
-    crumb, stray = plane[:40] * 0.1 + np.array([2.0, 0, 0]), np.array([[0.5, 0.5, 0.5]])
-    clean = denoise(np.concatenate([plane, crumb, stray]), CODE)
-    assert len(clean) > 800
-    assert clean[:, 0].max() < 1
-    assert np.abs(clean[:, 2]).max() < 1e-9
+    """A square, a small patch apart from it, a thin spur on it, a stray point; each filter takes its own."""
+    plane = np.stack(np.meshgrid(np.arange(34) * 0.03, np.arange(34) * 0.03, [0.0]), -1).reshape(-1, 3)
+    patch = plane[(plane[:, 0] < 0.2) & (plane[:, 1] < 0.2)] + np.array([2.0, 0, 0])
+    spur = np.stack(np.meshgrid([0.48, 0.51], [0.48], np.arange(1, 11) * 0.03), -1).reshape(-1, 3)
+    everything = np.concatenate([plane, patch, spur, [[0.5, 0.5, 3.0]]])
+
+    def clean(choice: MaskClusteringSettings) -> npt.NDArray[np.float64]:
+        return denoise(everything, choice)
+
+    assert len(clean(CODE)) > 0.9 * len(plane)
+    assert clean(CODE)[:, 0].max() < 1
+    assert clean(CODE)[:, 2].max() < 0.15
+    assert clean(replace(CODE, min_component=0.01))[:, 0].max() > 2
+    assert 0.25 < clean(replace(CODE, outlier_sigma=1e9))[:, 2].max() < 1
 
 
 def test_the_query_takes_the_first_points_by_index() -> None:
@@ -341,6 +347,8 @@ def test_a_node_is_split_and_its_noise_kept() -> None:
     alone = sparse.csr_matrix(np.eye(6, dtype=np.int32)[[0] * 64 + [3] * 64 + [5] * 2])
     pieces = split_node(np.arange(6), np.ones(6, np.float32), masks, alone, cloud, replace(CODE, min_masks=1))
     assert [p.points_index.tolist() for p in pieces] == [dust.tolist(), first.tolist(), second.tolist()]
+    pieces = split_node(np.arange(6), np.ones(6, np.float32), masks, alone, cloud, CODE)
+    assert [p.views[:, 0].tolist() for p in pieces] == [[0, 1, 2], [3, 4]]
 
 
 def test_overlapping_objects() -> None:
@@ -355,6 +363,6 @@ def test_overlapping_objects() -> None:
     assert left(thing(0, 10), thing(2, 12)) == [(0, 10), (2, 12)]
     assert left(thing(0, 10), thing(0, 10)) == [(0, 10)]
     # The first lies in the second, yet takes the third with it.
-    assert left(thing(10, 20), thing(0, 20), thing(10, 18)) == [(0, 20)]
-    assert left(thing(10, 20), thing(5, 19), thing(11, 20)) == [(5, 19)]
+    assert left(thing(10, 20), thing(0, 19), thing(16, 20)) == [(0, 19)]
+    assert left(thing(0, 19), thing(16, 20)) == [(0, 19), (16, 20)]
     assert left() == []
