@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import io
 import json
+import sys
+import zlib
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import numpy.typing as npt
@@ -245,8 +248,6 @@ def bomb() -> bytes:
     """A PNG that says it is 60,000 pixels wide and high."""
     data = bytearray(png((2, 2), np.uint16))
     data[16:24] = (60000).to_bytes(4, "big") * 2
-    import zlib
-
     data[29:33] = zlib.crc32(bytes(data[12:29])).to_bytes(4, "big")
     return bytes(data)
 
@@ -421,17 +422,105 @@ def test_a_sequence_that_was_cut_short_gives_its_whole_frames_if_asked(tmp_path:
     assert [frame.index for frame in open_recording(replica, lenient=True)] == [0, 1]
 
 
-def test_packed_depth_is_refused_with_the_way_out(tmp_path: Path, walk: Walk):
-    folder = write_record3d(tmp_path, walk)
-    for k in range(4):
-        (folder / f"rgbd/{k}.npy").rename(folder / f"rgbd/{k}.depth")
-    with pytest.raises(DataError, match=r"0.depth: found depth packed with LZFSE.*save it as N.npy"):
+def lzfse(data: bytes) -> bytes:
+    """Plain blocks, as LZFSE keeps what it cannot make smaller."""
+    blocks = [data[i : i + 4096] for i in range(0, len(data), 4096)]
+    return b"".join(b"bvx-" + len(b).to_bytes(4, "little") + b for b in blocks) + b"bvx$"
+
+
+def plain_blocks(data: bytes) -> bytes:
+    at, plain = 0, b""
+    while data[at : at + 4] == b"bvx-":
+        size = int.from_bytes(data[at + 4 : at + 8], "little")
+        plain += data[at + 8 : at + 8 + size]
+        at += 8 + size
+    return plain
+
+
+def write_packed(folder: Path, walk: Walk, pack: Callable[[bytes], bytes] = lzfse) -> Path:
+    folder = write_record3d(folder, walk)
+    for part, ending in ((".npy", ".depth"), (".conf.npy", ".conf")):
+        for k in range(4):
+            path = folder / f"rgbd/{k}{part}"
+            (folder / f"rgbd/{k}{ending}").write_bytes(pack(np.load(path).tobytes()))
+            path.unlink()
+    return folder
+
+
+def hold_to_the_walk(folder: Path, walk: Walk) -> None:
+    for k, frame in enumerate(open_recording(folder)):
+        np.testing.assert_array_equal(frame.depth[:, HIGH], walk.depth[k][:, HIGH])
+        assert (frame.depth[:, LOW] == 0).all()
+
+
+def test_packed_depth_is_read_with_the_library_for_it(tmp_path: Path, walk: Walk, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setitem(sys.modules, "liblzfse", SimpleNamespace(decompress=plain_blocks))
+    folder = write_packed(tmp_path, walk)
+    hold_to_the_walk(folder, walk)
+    without = {key: value for key, value in metadata(walk).items() if key not in ("dw", "dh")}
+    (folder / "metadata").write_text(json.dumps(without))
+    hold_to_the_walk(folder, walk)
+    whole = (folder / "rgbd/1.depth").read_bytes()
+    for data, says in (
+        (b"", "LZFSE data that end in a block at byte 0"),
+        (b"nonsense", "a block b'nons' at byte 0"),
+        (whole[:-4], "LZFSE data that end in a block"),
+        (lzfse(bytes(100)), "data that unpack to 100 bytes, expected 12288 bytes"),
+        (b"bvxn" + bytes(7) + b"bvx$", "LZFSE data that end"),
+        (b"bvxn\xff\xff\xff\xff" + bytes(4) + b"bvx$", "data that unpack to 4294967295 bytes and more"),
+        (b"bvx2\xff\xff\x00\x00" + bytes(24), "a block b'bvx2'|data that unpack to|end in a block"),
+    ):
+        (folder / "rgbd/1.depth").write_bytes(data)
+        with pytest.raises(DataError, match=says) as caught:
+            list(open_recording(folder))
+        assert "1.depth" in caught.value.source
+
+
+def test_packed_depth_as_the_library_makes_it(tmp_path: Path, walk: Walk):
+    library = pytest.importorskip("liblzfse")
+    folder = write_packed(tmp_path / "healthy", walk, library.compress)
+    hold_to_the_walk(folder, walk)
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    files = [str(path.relative_to(folder)) for path in sorted(folder.glob("rgbd/*.[dc]*"))]
+    assert hold_to_data_error(lambda f: list(open_recording(f)), folder, files, scratch, cases=200) > 30
+
+
+def test_depth_as_exr(tmp_path: Path, walk: Walk):
+    library = pytest.importorskip("OpenEXR")
+    folder = tmp_path / "healthy" / "exr"
+    (folder / "depth").mkdir(parents=True)
+    for k, depth in enumerate(walk.depth):
+        save(folder / f"rgb/{k}.jpg", walk.fine[k])
+        header = {"type": library.scanlineimage, "compression": library.ZIP_COMPRESSION}
+        library.File(header, {"R": depth}).write(str(folder / f"depth/{k}.exr"))
+    (folder / "metadata.json").write_text(json.dumps(metadata(walk)))
+    for k, frame in enumerate(open_recording(folder)):
+        np.testing.assert_array_equal(frame.depth, walk.depth[k])
+    scratch = tmp_path / "scratch"
+    scratch.mkdir()
+    files = [f"depth/{k}.exr" for k in range(4)]
+    assert hold_to_data_error(lambda f: list(open_recording(f)), folder, files, scratch, cases=200) > 30
+
+
+def test_packed_depth_without_the_library_is_refused_with_the_way_out(
+    tmp_path: Path, walk: Walk, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+):
+    for name in ("liblzfse", "OpenEXR"):
+        monkeypatch.setitem(sys.modules, name, None)  # as if it were not installed
+    folder = write_packed(tmp_path, walk)
+    with pytest.raises(DataError, match=r"0.depth: found data that pyliblzfse.*pip install pyliblzfse.*as N.npy"):
         open_recording(folder)
     (folder / "depth").mkdir()
     for k in range(4):
         (folder / f"rgbd/{k}.depth").rename(folder / f"depth/{k}.exr")
-    with pytest.raises(DataError, match=r"0.exr: found depth as EXR.*Convert"):
+    with pytest.raises(DataError, match=r"0.exr: found data that OpenEXR.*pip install OpenEXR.*convert N.exr to N.npy"):
         open_recording(folder)
+    for k, depth in enumerate(walk.depth):
+        save(folder / f"depth/{k}.npy", depth)
+    # Depth can be read then, though not how sure it is.
+    np.testing.assert_array_equal(open_recording(folder).frame(1).depth, walk.depth[1])
+    assert "depth of low confidence is kept" in caplog.text
     archive = tmp_path / "walk.r3d"
     archive.write_bytes(b"PK")
     with pytest.raises(DataError, match=r"walk.r3d: found a packed Record3D recording.*unpack it"):

@@ -1,19 +1,23 @@
 """Recordings of the Record3D app, unpacked: ``metadata`` (JSON) and, for each frame, colour, depth and perhaps confidence.
 
 Read are
-- an unpacked ``.r3d``: ``metadata``, ``rgbd/N.jpg`` with depth beside it as ``N.npy`` or ``N.png``, perhaps ``N.conf.npy``,
-- the export as pictures: ``metadata.json``, ``rgb/N.jpg``, ``depth/N.png`` or ``.npy``,
+- an unpacked ``.r3d``: ``metadata``, ``rgbd/N.jpg`` and ``N.depth`` (``dh`` x ``dw`` float32 m) or, converted, ``N.npy`` or
+  ``N.png``, perhaps ``N.conf`` or ``N.conf.npy``,
+- the export as pictures: ``metadata.json``, ``rgb/N.jpg``, ``depth/N.exr`` or, converted, ``.npy`` or ``.png`` (mm),
 - what scripts of ConceptGraphs and others make of an ``.r3d``: ``metadata``, ``rgb/N.png``, ``depth/N.png`` (mm), ``conf/N.npy``,
   ``poses/N.npy``.
 
 ``metadata`` has ``w``, ``h`` and ``K`` (9 numbers by columns) of the colour camera and ``poses``, a list of qx qy qz qw tx ty tz,
 camera to world, OpenGL camera axes; ARKit's world is Y up. ``initPose`` and intrinsics of single frames are not used.
 
-The app's own ``N.depth`` and ``N.conf`` are packed with LZFSE, and one of its exports has EXR; no library here reads either.
+``.depth`` and ``.conf`` are packed with LZFSE and need pyliblzfse, ``.exr`` needs OpenEXR; neither is a dependency of this package.
 """
 
 from __future__ import annotations
 
+import logging
+import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -27,21 +31,14 @@ from openmap_scenes.recordings.arrays import read_array
 from openmap_scenes.recordings.files import bytes_of, numbered
 from openmap_scenes.recordings.folder import FolderRecording, FrameFiles
 from openmap_scenes.recordings.images import check_size
+from openmap_scenes.recordings.packed import PACKED, library_of, lzfse_size
 from openmap_scenes.recordings.poses import T_world_camera, camera_from, pose_of_quaternion
 
 METRES = 1e-3
 METADATA = ("metadata", "metadata.json")
-COLOURS, DEPTHS = (".jpg", ".jpeg", ".png"), (".npy", ".png")
-PACKED = {
-    ".depth": (
-        "depth packed with LZFSE",
-        "Unpack N.depth (pyliblzfse does: float32 m, as many as dw x dh) and save it as N.npy.",
-    ),
-    ".exr": (
-        "depth as EXR",
-        "Convert N.exr to N.npy (float32 m) with a program that reads EXR, or export the recording as .r3d.",
-    ),
-}
+COLOURS, DEPTHS = (".jpg", ".jpeg", ".png"), (".npy", ".png", ".exr", ".depth")
+
+_log = logging.getLogger(__name__)
 
 
 class Record3DRecording(FolderRecording):
@@ -66,7 +63,7 @@ class Record3DRecording(FolderRecording):
         metadata = read_metadata(folder)
         colour = numbered(folder / "rgb", COLOURS) or numbered(folder / "rgbd", COLOURS)
         depth = _depths(folder)
-        confidence = numbered(folder / "conf", (".npy", ".png")) or numbered_confidence(folder / "rgbd")
+        confidence = _confidences(folder)
         if not colour:
             raise DataError(folder, "no pictures", "rgbd/0.jpg, ... or rgb/0.jpg, ...")
         poses = _poses(folder, metadata)
@@ -82,7 +79,8 @@ class Record3DRecording(FolderRecording):
                     folder, f"frame {number} without {' and '.join(lacks)}", "all three of each frame", remedy
                 )
         frames = [FrameFiles(n, colour[n], depth[n], poses[n], confidence.get(n)) for n in sorted(whole)]
-        super().__init__(folder, _camera(metadata), frames, (), METRES)
+        size = _packed_size(metadata, frames[0].depth) if frames and frames[0].depth.suffix == ".depth" else None
+        super().__init__(folder, _camera(metadata), frames, (), METRES, size)
 
 
 def read_metadata(folder: Path) -> Value:
@@ -94,25 +92,46 @@ def read_metadata(folder: Path) -> Value:
     return value
 
 
-def numbered_confidence(folder: Path) -> dict[int, Path]:
-    """Confidence beside the pictures, ``N.conf.npy`` or ``N.conf.png``."""
-    names = {
-        path.stem.removesuffix(".conf"): path for path in folder.glob("*.conf.*") if path.suffix in (".npy", ".png")
+def _confidences(folder: Path) -> dict[int, Path]:
+    """Confidence in a folder of its own or beside the pictures (``N.conf.npy``, ``N.conf``); none where it cannot be unpacked."""
+    beside = {
+        p.stem.removesuffix(".conf"): p for p in sorted(folder.glob("rgbd/*.conf.*")) if p.suffix in (".npy", ".png")
     }
-    return {int(stem): names[stem] for stem in sorted(names) if stem.isascii() and stem.isdigit() and len(stem) < 10}
+    found = {int(stem): path for stem, path in beside.items() if re.fullmatch("[0-9]{1,9}", stem)}
+    files = numbered(folder / "conf", (".npy", ".png")) or found or numbered(folder / "rgbd", (".conf",))
+    for path in files.values():
+        if path.suffix == ".conf":
+            try:
+                library_of(path)
+            except DataError as error:
+                _log.warning("depth of low confidence is kept: %s", error)
+                return {}
+            break
+    return files
 
 
 def _depths(folder: Path) -> dict[int, Path]:
-    for part in ("depth", "rgbd"):
-        depth = numbered(folder / part, (".npy",)) or numbered(folder / part, DEPTHS[1:])
-        if depth:
-            return depth
-    for part in ("depth", "rgbd"):
-        for ending, (found, remedy) in PACKED.items():
-            packed = numbered(folder / part, (ending,))
-            if packed:
-                raise DataError(next(iter(packed.values())), found, "N.npy in metres or N.png in millimetres", remedy)
-    raise DataError(folder, "no depth", "depth/N.png, depth/N.npy or rgbd/N.npy")
+    """Depth by frame, in the encoding that is easiest to read; DataError where there is none or a library for it is missing."""
+    for endings in ((ending,) for ending in DEPTHS):
+        for part in ("depth", "rgbd"):
+            depth = numbered(folder / part, endings)
+            if depth:
+                if endings[0] in PACKED:
+                    library_of(next(iter(depth.values())))
+                return depth
+    raise DataError(folder, "no depth", "rgbd/N.depth, depth/N.exr, N.npy in metres or N.png in millimetres")
+
+
+def _packed_size(metadata: Value, path: Path) -> tuple[int, int]:
+    """Width and height of packed depth: ``dw`` and ``dh``, else what has as many pixels and the shape of the colour picture."""
+    if metadata["dw"].exists and metadata["dh"].exists:
+        width, height = metadata["dw"].integer(), metadata["dh"].integer()
+    else:
+        pixels = lzfse_size(path, bytes_of(path)) // 4
+        width = round(math.sqrt(pixels * metadata["w"].integer(1) / metadata["h"].integer(1)))
+        height = pixels // max(width, 1)
+    check_size(str(metadata.source), width, height)
+    return width, height
 
 
 def _poses(folder: Path, metadata: Value) -> dict[int, npt.NDArray[np.float64]]:
