@@ -110,7 +110,7 @@ def test_a_disk_that_fails_leaves_whole_frames(tmp_path: Path, monkeypatch: pyte
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr(own.os, "fsync", full)
+        patch.setattr(own.os, "replace", full)
         with pytest.raises(DataError, match=r"1.jpg: found a file that cannot be written \(No space"):
             writer.append(*frame_of(1))
         with pytest.raises(DataError, match=r"recording.json: found a file that cannot be written"):
