@@ -106,8 +106,8 @@ def write_predictions(folder: str | Path, scan: str, instances: Sequence[Predict
     ValueError
         A name that is no file's name, points that the cloud does not have, or a confidence that is no number.
     """
-    if Path(scan).name != scan or not scan or re.search(r"\s", scan):
-        raise ValueError(f"scan is {scan!r}, expected a name without folders and spaces")
+    if Path(scan).name != scan or not scan or scan.startswith(".") or re.search(r"\s", scan):
+        raise ValueError(f"scan is {scan!r}, expected a name without folders and spaces, not hidden")
     folder = Path(folder)
     (folder / MASKS).mkdir(parents=True, exist_ok=True)
     lines = []

@@ -27,7 +27,7 @@ PER_LABEL = 1000
 """How many instances of a label the benchmark's numbers can tell apart."""
 SPACING = 0.03
 """Between points that are drawn on a scene, m."""
-_DENSE = 0.05  # m, median edge of a mesh whose vertices do for points
+_DENSE = 0.1  # m, longest edge of the triangles that make up at least half of a mesh whose vertices do for points
 _MOST_LINES = 1 << 27
 
 
@@ -111,8 +111,7 @@ def cloud_of_scene(scene: Scene, seed: int = 0) -> LabelledCloud:
     A vertex is of the instance that most of its faces are of. Drawn points lie on all faces, seen or not, one for each square of
     ``SPACING`` on average.
     """
-    edges = scene.vertices[scene.faces[:, :2]]
-    if float(np.median(np.linalg.norm(edges[:, 0] - edges[:, 1], axis=1))) <= _DENSE:
+    if _is_dense(scene):
         points, instance = scene.vertices, _vertex_instance(scene)
     else:
         points, instance = _drawn(scene, np.random.default_rng(seed))
@@ -135,6 +134,19 @@ def write_proposals(folder: str | Path, scan: str, proposals: Sequence[Proposal]
     return write_predictions(folder, scan, found, n_points)
 
 
+def _is_dense(scene: Scene) -> bool:
+    corners = scene.vertices[scene.faces].astype(np.float64)
+    longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(1)
+    area = _areas(corners)
+    return bool(area[longest <= _DENSE].sum() * 2 >= area.sum())
+
+
+def _areas(corners: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Areas (F,) m2 of triangles (F, 3, 3)."""
+    sides = corners[:, 1:] - corners[:, :1]
+    return np.asarray(np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) / 2)
+
+
 def _vertex_instance(scene: Scene) -> npt.NDArray[np.int32]:
     """Instance (V,) that most faces of a vertex have; of equally many the lowest, but any rather than none."""
     ids, rank = np.unique(np.append(scene.face_instance, 0), return_inverse=True)
@@ -150,8 +162,7 @@ def _vertex_instance(scene: Scene) -> npt.NDArray[np.int32]:
 
 def _drawn(scene: Scene, rng: np.random.Generator) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int32]]:
     corners = scene.vertices[scene.faces].astype(np.float64)
-    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1) / 2
-    wanted = area / SPACING**2
+    wanted = _areas(corners) / SPACING**2
     n = np.floor(wanted + rng.random(len(wanted))).astype(np.int64)
     face = np.repeat(np.arange(len(n)), n)
     a, b = rng.random((2, len(face), 1))
