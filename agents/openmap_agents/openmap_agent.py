@@ -20,10 +20,8 @@ from openmap_agents.agent import Answer, Observation
 from openmap_agents.colour_votes import ColourVotes
 from openmap_agents.exploration import Explorer, ExplorerSettings, OccupancyMap
 from openmap_agents.grounding import Grounder, Grounding
-from openmap_agents.grounding.lexicon import load_lexicon
-from openmap_agents.grounding.scoring import MapView
-from openmap_agents.grounding.text_space import TextSpace
 from openmap_agents.mapping import InstanceMap, MapInstance, MappingSettings, OpenMapper
+from openmap_agents.naming import Naming
 from openmap_agents.perception import Encoder, Masks, Segmenter
 from openmap_agents.perception.specs import check_feature_length, check_text_space
 from openmap_env.actions import Action
@@ -89,7 +87,7 @@ class OpenMapAgent:
         self._made_by = made_by
         self._seed = int((rng if rng is not None else np.random.default_rng(0)).integers(2**32))
         self._frame: str | None = None
-        self._names: tuple[TextSpace, Any] | None = None
+        self._naming = Naming(encoder, made_by)
         self._forget()
 
     def _forget(self) -> None:
@@ -167,13 +165,7 @@ class OpenMapAgent:
 
     def finish_map(self) -> InstanceMap:
         """End exploration: merge what there is, elect colours, give every instance a name."""
-        instance_map = self._colours.paint(self.mapper.finalize())
-        if self._names is None:
-            self._names = TextSpace(self.encoder), load_lexicon()
-        labels = MapView(instance_map, *self._names).labels
-        names = {i.id: label for i, label in zip(instance_map, labels, strict=True)}
-        segmenter, encoder = self._made_by
-        self._final = replace(instance_map.with_labels(names), segmenter=segmenter, encoder=encoder)
+        self._final = self._naming.finish(self.mapper.finalize(), self._colours)
         self._grounding = None
         return self._final
 

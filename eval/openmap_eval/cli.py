@@ -1,4 +1,4 @@
-"""The command line: ``openmap eval | eval perception | demo | query | ap | scenes | episodes | bench | train perception``."""
+"""The command line: ``openmap eval | eval perception | demo | map | query | ap | scenes | episodes | bench | train perception``."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from openmap_agents.perception.training.settings import Settings as PerceptionTr
 from openmap_eval.ap.command import Ap
 from openmap_eval.bench import Benchmark
 from openmap_eval.episode_commands import EpisodeCommand
+from openmap_eval.map_command import Map
 from openmap_eval.perception.command import EvalPerception
 from openmap_eval.scene_commands import SceneCommand
 from openmap_scenes import DataError
@@ -90,7 +91,7 @@ class Query:
     """Ask a saved map for something."""
 
     map: tyro.conf.Positional[Path]
-    """A map that an evaluation or the demo wrote."""
+    """A map that ``openmap map``, an evaluation or the demo wrote."""
     instruction: tyro.conf.Positional[str]
     top: int = 5
     """How many answers to list."""
@@ -148,6 +149,7 @@ Command = (
     Annotated[Eval, tyro.conf.subcommand("eval")]
     | Annotated[EvalPerception, tyro.conf.subcommand("eval perception")]
     | Annotated[Demo, tyro.conf.subcommand("demo")]
+    | Annotated[Map, tyro.conf.subcommand("map")]
     | Annotated[Query, tyro.conf.subcommand("query")]
     | Annotated[Ap, tyro.conf.subcommand("ap")]
     | Annotated[Scenes, tyro.conf.subcommand("scenes")]
@@ -165,7 +167,7 @@ def main(arguments: list[str] | None = None) -> None:
     if arguments[:1] in (["eval"], ["train"]) and arguments[1:2] == ["perception"]:
         # A command of its own: ``eval`` has flags, and so no commands below it.
         arguments[:2] = [" ".join(arguments[:2])]
-    command: Eval | EvalPerception | Demo | Query | Ap | Scenes | Episodes | Bench | TrainPerception = tyro.cli(
+    command: Eval | EvalPerception | Demo | Map | Query | Ap | Scenes | Episodes | Bench | TrainPerception = tyro.cli(
         Command, args=arguments, prog="openmap", description=__doc__
     )
     try:

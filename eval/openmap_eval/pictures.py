@@ -212,6 +212,34 @@ def map_picture(
     return picture
 
 
+def recording_picture(
+    instance_map: InstanceMap, trajectory: npt.NDArray[np.floating], size: tuple[int, int] = (1400, 1000)
+) -> Picture:
+    """The map of a recording from above: what is built in grey and without ceilings, things in colours with their names, the
+    camera's way (n, 3) m."""
+    shown = things(instance_map)
+    plan = Plan.around(_extent(instance_map), size, tight=True)
+    picture = plan.blank()
+    built = {i.id for i in instance_map} - {i.id for i in shown}
+    parts = [i.points for i in instance_map if i.id in built and not _overhead(i, trajectory)]
+    if parts:
+        points = np.concatenate(parts)
+        low, high = np.percentile(points[:, 1], [1.0, 99.0])
+        share = np.clip((points[:, 1:2] - low) / max(high - low, 1e-9), 0.0, 1.0)
+        draw_points(picture, plan, points, (np.array(FLOOR) * (1 - share) + np.array(WALL) * share).astype(np.uint8))
+    draw_instances(picture, plan, shown)
+    draw_path(picture, plan, trajectory)
+    by_size = sorted(shown, key=lambda i: (-len(i.points), i.id))
+    draw_labels(picture, plan, [(i.centre, i.label) for i in by_size if i.label])
+    return picture
+
+
+def _overhead(instance: MapInstance, trajectory: npt.NDArray[np.floating]) -> bool:
+    """Whether it would hide the rest from above: a ceiling by name, or all of it above the camera."""
+    highest = float(trajectory[:, 1].max()) if len(trajectory) else np.inf
+    return instance.label == "ceiling" or float(instance.aabb_min[1]) > highest
+
+
 def heat_picture(
     instance_map: InstanceMap,
     scores: Mapping[int, float],

@@ -114,24 +114,27 @@ def write_frame(
         arrays["names"] = np.asarray(list(names), np.str_)
     path = Path(folder) / f"{stem}.npz"
     _frame(path, arrays, shape)  # what could not be read is not written
-    with _replacing(path) as file:
+    with replacing(path) as file:
         np.savez_compressed(file, allow_pickle=False, **arrays)
     return path
 
 
-def write_index(folder: str | Path, pictures: Mapping[str, npt.NDArray[np.uint8]]) -> Path:
-    """Write ``index.json``: file name -> its picture (H, W, 3) uint8. What an index there says of other files is kept."""
+def write_index(folder: str | Path, pictures: Mapping[str, npt.NDArray[np.uint8] | str]) -> Path:
+    """Write ``index.json``: file name -> its picture (H, W, 3) uint8, or the picture's digest.
+
+    What an index there says of other files is kept.
+    """
     path = Path(folder) / INDEX
     frames = _read_index(path) if path.exists() else {}
     for name, rgb in pictures.items():
-        frames[picture_digest(rgb)] = _plain_name(name, path)
-    with _replacing(path) as file:
+        frames[rgb if isinstance(rgb, str) else picture_digest(rgb)] = _plain_name(name, path)
+    with replacing(path) as file:
         file.write((json.dumps({"frames": dict(sorted(frames.items()))}, indent=1) + "\n").encode())
     return path
 
 
 @contextmanager
-def _replacing(path: Path) -> Iterator[IO[bytes]]:
+def replacing(path: Path) -> Iterator[IO[bytes]]:
     """A binary file that takes its name when it is complete."""
     path.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}", suffix=".tmp", delete=False) as file:
@@ -282,7 +285,7 @@ def _frame(path: Path, arrays: dict[str, npt.NDArray[Any]], shape: tuple[int, ..
     return StoredFrame(
         path,
         Masks(labels.astype(np.int32), _scores(path, arrays.get("scores"), n)),
-        None if "features" not in arrays else _unit_rows(path, arrays["features"]),
+        None if "features" not in arrays else unit_rows(path, arrays["features"]),
         None if "names" not in arrays else _names(path, arrays["names"]),
     )
 
@@ -295,7 +298,8 @@ def _scores(path: Path, scores: npt.NDArray[Any] | None, n: int) -> npt.NDArray[
     return scores.astype(np.float32)
 
 
-def _unit_rows(path: Path, features: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
+def unit_rows(path: str | Path, features: npt.NDArray[Any]) -> npt.NDArray[np.float32]:
+    """Features (n, D) as a reader gives them: unit length, float32. DataError, naming ``path``, where a row has no direction."""
     if features.ndim != 2 or features.dtype.kind != "f":
         raise DataError(path, f"features {features.dtype} {features.shape}", "(n, D) floats", REMEDY)
     lengths = np.linalg.norm(features.astype(np.float64), axis=1, keepdims=True)
