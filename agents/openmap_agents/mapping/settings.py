@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
-Semantics = Literal["calibrated", "product", "structural"]
+Consensus = Literal["soft", "paper"]
+Semantics = Literal["calibrated", "product", "structural", "alone"]
 Visibility = Literal["labelled", "depth"]
 
 
@@ -34,22 +35,34 @@ class MappingSettings:
     visibility : {"labelled", "depth"}
         V_t, what a frame sees: voxels under a mask (code: a frame whose segmenter said nothing of a place is no witness), or all
         voxels that its depth hits (the paper's words).
+    consensus : {"soft", "paper"}
+        How masks become instances: by shares, best pair first (ours, ``reference_soft.py``), or as the paper has it: yes or no, whole
+        components at a time (``reference.py``). Which settings only one of the two reads is said with them.
+    tau_soft : float
+        Soft: nodes join where R_struc * R_seman is at least this.
+    doubt : float
+        Soft: added to the frames that observe two nodes, so that one frame alone convinces less than many.
+    min_share : float
+        Soft: smaller shares of a node under a mask are edges that wander, and count as none.
+    min_vote : float
+        Soft: a voxel joins the instance that most of its sightings name if that is at least this share of them.
     tau_obs : float
         A frame observes a mask if more than this share of the mask's voxels is in V_t. Paper: 0.3.
     tau_sub : float
         A frame's mask contains another if it holds at least this share of the visible voxels. Paper: 0.8. Above 0.5, so that
         at most one mask of a frame contains another.
     tau_thres : float
-        Nodes merge where R_struc * R_seman is at least this. Paper: 0.6.
+        Paper: nodes merge where R_struc * R_seman is at least this. Paper: 0.6.
     tau_structural : float
-        The same threshold where features say nothing. MaskClustering: 0.9, but there only frames that contain a mask are its
+        Paper: the same threshold where features say nothing. MaskClustering: 0.9, but there only frames that contain a mask are its
         observers; ours: 0.8, measured with the paper's observers.
     tau_undersegmented : float
         A mask that is split in more than this share of its observers is under-segmented. Code: 0.3.
     observer_start, observer_step : int
         Percentile of the observer counts at which N_o starts, and by how much it falls a round. Paper: top 5 %, 5 %.
-    semantics : {"calibrated", "product", "structural"}
-        R_seman: a weight learned from the walk (``semantics.py``), the bare cosine (paper), or none (MaskClustering).
+    semantics : {"calibrated", "product", "structural", "alone"}
+        R_seman: a weight learned from the walk (``semantics.py``), the bare cosine (paper), or none (MaskClustering). "alone" is the
+        bare cosine with R_struc = 1 wherever a frame holds both under one mask: the paper's ablation.
     min_masks : int
         Instances of fewer masks are dropped. Code: 2.
     detection_ratio : float
@@ -73,6 +86,11 @@ class MappingSettings:
     min_mask_pixels: int = 30
     min_mask_voxels: int = 8
     visibility: Visibility = "labelled"
+    consensus: Consensus = "soft"
+    tau_soft: float = 0.45
+    doubt: float = 0.5
+    min_share: float = 0.0625
+    min_vote: float = 0.3
     tau_obs: float = 0.3
     tau_sub: float = 0.8
     tau_thres: float = 0.6
@@ -104,15 +122,23 @@ class MappingSettings:
             "observer_step",
         ):
             self._require(name, lambda x: isinstance(x, int) and x >= 1, "a whole number of at least 1")
-        for name in ("tau_obs", "tau_undersegmented", "detection_ratio", "tau_overlap", "min_novelty"):
+        for name in (
+            "tau_obs",
+            "tau_undersegmented",
+            "detection_ratio",
+            "tau_overlap",
+            "min_novelty",
+            "min_share",
+            "min_vote",
+        ):
             self._require(name, lambda x: 0 <= x <= 1, "within 0..1")
-        for name in ("tau_thres", "tau_structural"):
+        self._require("doubt", lambda x: 0 <= x <= 100, "within 0..100")
+        for name in ("tau_thres", "tau_structural", "tau_soft"):
             self._require(name, lambda x: 0 < x <= 1, "above 0 and at most 1")
         self._require("tau_sub", lambda x: 0.5 < x <= 1, "above 0.5 and at most 1")
         self._require("observer_start", lambda x: 0 <= x <= 100, "a percentile, 0..100")
-        self._require(
-            "semantics", lambda x: x in ("calibrated", "product", "structural"), "calibrated, product or structural"
-        )
+        for name, choices in (("semantics", get_args(Semantics)), ("consensus", get_args(Consensus))):
+            self._require(name, lambda x, choices=choices: x in choices, f"one of {', '.join(choices)}")
         self._require("visibility", lambda x: x in ("labelled", "depth"), "labelled or depth")
         if self.tau_structural < self.tau_thres:
             raise ValueError(f"tau_structural is {self.tau_structural}, expected at least tau_thres, {self.tau_thres}")
