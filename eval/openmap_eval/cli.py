@@ -1,4 +1,7 @@
-"""The command line: ``openmap eval | eval perception | demo | map | query | ap | scenes | episodes | bench | train perception``."""
+"""The command line.
+
+``openmap eval | eval perception | demo | map | query | export | ap | scenes | episodes | bench | train perception``.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +18,7 @@ from openmap_agents.perception.training.settings import Settings as PerceptionTr
 from openmap_eval.ap.command import Ap
 from openmap_eval.bench import Benchmark
 from openmap_eval.episode_commands import EpisodeCommand
+from openmap_eval.export_command import Export
 from openmap_eval.map_command import Map
 from openmap_eval.perception.command import EvalPerception
 from openmap_eval.scene_commands import SceneCommand
@@ -151,6 +155,7 @@ Command = (
     | Annotated[Demo, tyro.conf.subcommand("demo")]
     | Annotated[Map, tyro.conf.subcommand("map")]
     | Annotated[Query, tyro.conf.subcommand("query")]
+    | Annotated[Export, tyro.conf.subcommand("export")]
     | Annotated[Ap, tyro.conf.subcommand("ap")]
     | Annotated[Scenes, tyro.conf.subcommand("scenes")]
     | Annotated[Episodes, tyro.conf.subcommand("episodes")]
@@ -167,8 +172,8 @@ def main(arguments: list[str] | None = None) -> None:
     if arguments[:1] in (["eval"], ["train"]) and arguments[1:2] == ["perception"]:
         # A command of its own: ``eval`` has flags, and so no commands below it.
         arguments[:2] = [" ".join(arguments[:2])]
-    command: Eval | EvalPerception | Demo | Map | Query | Ap | Scenes | Episodes | Bench | TrainPerception = tyro.cli(
-        Command, args=arguments, prog="openmap", description=__doc__
+    command: Eval | EvalPerception | Demo | Map | Query | Export | Ap | Scenes | Episodes | Bench | TrainPerception = (
+        tyro.cli(Command, args=arguments, prog="openmap", description=__doc__)
     )
     try:
         command.run(console)

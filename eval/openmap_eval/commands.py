@@ -18,6 +18,8 @@ from openmap_eval.video import WalkVideo
 from openmap_scenes import DataError
 
 if TYPE_CHECKING:
+    from openmap_agents.grounding import Grounding
+    from openmap_agents.mapping import InstanceMap
     from openmap_eval.cli import Eval, Query
 
 
@@ -81,12 +83,29 @@ def evaluate_and_report(
     )
 
 
+def ask(path: Path, instance_map: InstanceMap, instruction: str, encoder: str | None, llm: str) -> Grounding:
+    """Ground an instruction in the map that was read from ``path``; its own encoder reads the words unless one is named.
+
+    Raises
+    ------
+    DataError
+        That encoder's words do not fit the map's features.
+    """
+    from openmap_agents.grounding import Grounder
+    from openmap_agents.perception import make_text_tower
+    from openmap_agents.perception.specs import check_feature_length, check_text_space
+
+    spec = encoder or instance_map.encoder or "embedded"
+    check_text_space(path, instance_map.encoder, spec)
+    words = make_text_tower(spec)
+    check_feature_length(path, instance_map.feature_lengths, words.dim)
+    return Grounder(llm, encoder=words).ground(instruction, instance_map)
+
+
 def run_query(command: Query, console: Console) -> None:
     """``openmap query``: the instances of a saved map that fit an instruction best."""
-    from openmap_agents.grounding import Grounder
     from openmap_agents.mapping import InstanceMap
-    from openmap_agents.perception import is_oracle, make_text_tower, read_encoder_spec
-    from openmap_agents.perception.specs import check_feature_length, check_text_space
+    from openmap_agents.perception import is_oracle, read_encoder_spec
 
     if command.top < 1 or not command.instruction.strip():
         raise DataError(
@@ -97,11 +116,7 @@ def run_query(command: Query, console: Console) -> None:
     if command.encoder is not None:
         read_encoder_spec(command.encoder)
     instance_map = InstanceMap.load(command.map)
-    spec = command.encoder or instance_map.encoder or "embedded"
-    check_text_space(command.map, instance_map.encoder, spec)
-    words = make_text_tower(spec)
-    check_feature_length(command.map, instance_map.feature_lengths, words.dim)
-    grounding = Grounder(command.llm, encoder=words).ground(command.instruction, instance_map)
+    grounding = ask(command.map, instance_map, command.instruction, command.encoder, command.llm)
     told = is_oracle(instance_map.segmenter) or is_oracle(instance_map.encoder)
     table = Table(title=f"{ORACLE if told else ''}“{command.instruction}”", title_justify="left", pad_edge=False)
     for name in ("rank", "instance", "label", "score", "x", "y", "z"):

@@ -72,6 +72,8 @@ class Grounding:
         How it came about; plain JSON.
     scores : list of float
         Of the instances in ``ranking``; the model's choice stands first whatever its score.
+    fits : list of float
+        How well each of them is what was asked for by itself, whatever stands around it or was ranked before it.
     """
 
     ranking: list[int]
@@ -79,6 +81,7 @@ class Grounding:
     confidence: float
     trace: dict[str, Any]
     scores: list[float] = field(default_factory=list)
+    fits: list[float] = field(default_factory=list)
 
 
 class Grounder:
@@ -146,6 +149,7 @@ class Grounder:
             confidence=confidence,
             trace=trace,
             scores=[float(scores.total[k]) for k in order],
+            fits=[float(scores.fit[k]) for k in order],
         )
 
     def _fits(self, similarity: float, to_own_name: float) -> bool:
