@@ -14,11 +14,13 @@ from PIL import Image
 from openmap_agents.mapping import InstanceMap, MappingSettings, OpenMapper, PinholeCamera
 from openmap_agents.mapping.frame import frame_voxels, pack_cells, unpack_keys, voxel_centres
 from openmap_agents.mapping.reference import Frame, ReferenceInstance, frame_sets, reference_map
+from openmap_agents.mapping.reference_soft import reference_soft_map
 
 VOXEL, WIDTH, HEIGHT = 0.05, 14, 10
 # At 2 m a pixel is one voxel wide, so that shifting the camera by voxels shifts the picture by pixels.
 CAMERA = PinholeCamera(WIDTH, HEIGHT, 2.0 / VOXEL, 2.0 / VOXEL, (WIDTH - 1) / 2, (HEIGHT - 1) / 2)
-SMALL = MappingSettings(voxel_size=VOXEL, min_mask_pixels=2, min_mask_voxels=2, min_voxels=2)
+SMALL = MappingSettings(voxel_size=VOXEL, min_mask_pixels=2, min_mask_voxels=2, min_voxels=2, consensus="paper")
+SOFT = replace(SMALL, consensus="soft")
 
 
 def look(world: npt.NDArray[np.int32], x: int, y: int) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.int32]]:
@@ -84,6 +86,11 @@ def run(frames: list[Frame], choice: MappingSettings, camera: PinholeCamera = CA
     return mapper.finalize()
 
 
+def plain(frames: list[Frame], choice: MappingSettings, camera: PinholeCamera = CAMERA) -> list[ReferenceInstance]:
+    """What the plain twin of the consensus says."""
+    return (reference_soft_map if choice.consensus == "soft" else reference_map)(camera, frames, choice)
+
+
 def assert_same(found: InstanceMap, expected: list[ReferenceInstance], choice: MappingSettings) -> None:
     by_views = {frozenset((int(v[0]), int(v[1])) for v in i.views): i for i in found.instances}
     assert len(by_views) == len(found.instances)
@@ -105,13 +112,19 @@ CHOICES = [
     replace(SMALL, visibility="depth", tau_obs=0.5, tau_undersegmented=0.5, detection_ratio=0.3),
     replace(SMALL, max_views=2, min_novelty=0.3, tau_thres=0.5, tau_structural=0.7, min_mask_voxels=5, tau_overlap=0.5),
     replace(SMALL, min_masks=1, min_voxels=1, tau_undersegmented=1.0, observer_start=50, top_k=2, split_distance=0.05),
+    replace(SMALL, semantics="alone", tau_undersegmented=1.0),
+    SOFT,
+    replace(SOFT, semantics="product", min_masks=1),
+    replace(SOFT, semantics="structural", visibility="depth", min_share=0.0, doubt=0.0),
+    replace(SOFT, semantics="alone", tau_thres=0.3, tau_obs=0.1),
+    replace(SOFT, trust=3.0, tau_soft=0.3, max_views=2, min_novelty=0.3, min_vote=0.6, min_masks=1, min_voxels=1),
 ]
 
 
 @settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(frames=walks(), choice=st.sampled_from(CHOICES))
 def test_online_map_equals_the_reference_on_random_walks(frames: list[Frame], choice: MappingSettings) -> None:
-    assert_same(run(frames, choice), reference_map(CAMERA, frames, choice), choice)
+    assert_same(run(frames, choice), plain(frames, choice), choice)
 
 
 @settings(max_examples=25, deadline=None)
@@ -120,7 +133,7 @@ def test_asking_on_the_way_changes_nothing(frames: list[Frame], choice: MappingS
     mapper = OpenMapper(CAMERA, choice)
     for n, frame in enumerate(frames):
         mapper.integrate(*frame)
-        assert_same(mapper.instance_map, reference_map(CAMERA, frames[: n + 1], choice), choice)
+        assert_same(mapper.instance_map, plain(frames[: n + 1], choice), choice)
 
 
 @settings(max_examples=30, deadline=None)
@@ -162,7 +175,7 @@ def test_real_recording_gives_the_reference_map(shared_scenes: Path) -> None:
     choice = MappingSettings(voxel_size=0.1, min_mask_pixels=4, min_mask_voxels=3, min_voxels=3, split_distance=0.2)
     found = run(frames, choice, camera)
     assert len(found) > 10
-    assert_same(found, reference_map(camera, frames, choice), choice)
+    assert_same(found, plain(frames, choice, camera), choice)
 
 
 def test_walls_of_two_things_become_two_instances() -> None:
@@ -190,12 +203,12 @@ def test_features_part_what_structure_would_join() -> None:
         depth, labels = look(world, 4 + k % 4, 3 + k // 4)
         labels = labels if k % 3 == 0 else np.minimum(labels, 1)
         frames.append((depth, labels, np.eye(3)[:2], pose(4 + k % 4, 3 + k // 4)))
-    plain: list[Frame] = [(depth, labels, None, T) for depth, labels, _, T in frames]
+    bare: list[Frame] = [(depth, labels, None, T) for depth, labels, _, T in frames]
 
     def labels_of(given: list[Frame]) -> list[set[int]]:
-        assert_same(run(given, choice), reference_map(CAMERA, given, choice), choice)
+        assert_same(run(given, choice), plain(given, choice), choice)
         return [{int(v) for v in i.views[:, 1]} for i in run(given, choice)]
 
     product = replace(choice, semantics="product", tau_overlap=1.0)
-    assert labels_of(plain) == [{1, 2}]
+    assert labels_of(bare) == [{1, 2}]
     assert sorted(map(sorted, [{int(v) for v in i.views[:, 1]} for i in run(frames, product)])) == [[1], [2]]

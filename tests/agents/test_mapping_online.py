@@ -10,8 +10,9 @@ import numpy.typing as npt
 import pytest
 
 from openmap_agents.mapping import InstanceMap, MappingSettings, OpenMapper, PinholeCamera
-from openmap_agents.mapping.frame import pack_cells, pixel_voxels, voxel_centres
-from openmap_agents.mapping.semantics import CosineStatistics, semantic_weight
+from openmap_agents.mapping.back_projection import pixel_voxels
+from openmap_agents.mapping.frame import unpack_keys, voxel_centres
+from openmap_agents.mapping.semantics import CosineStatistics, semantic_weight, soft_weight
 
 CAMERA = PinholeCamera.from_hfov(64, 48, 90.0)
 SMALL = MappingSettings(voxel_size=0.05, min_mask_pixels=4, min_mask_voxels=3, min_novelty=0.0)
@@ -206,9 +207,28 @@ def test_calibrated_weight_ignores_an_encoder_that_tells_nothing_and_heeds_one_t
     assert semantic_weight(choice, different, same)(0.9) == pytest.approx(neutral), "a reversed encoder was trusted"
 
 
+def test_the_soft_weight_tips_scales_within_its_trust_and_hears_no_encoder_that_tells_little() -> None:
+    choice = MappingSettings(trust=1.5)
+    rng = np.random.default_rng(0)
+    poor, same, near, different = (CosineStatistics() for _ in range(4))
+    poor.add(rng.normal(0.7, 0.1, 500))
+    near.add(rng.normal(0.75, 0.1, 500))
+    same.add(rng.normal(0.8, 0.05, 500))
+    different.add(rng.normal(0.3, 0.15, 500))
+    for a, b in ((poor, poor), (near, poor), (different, same), (CosineStatistics(), different)):
+        deaf = soft_weight(choice, a, b)
+        assert set(deaf.table.tolist()) == {1.0}
+    heard = soft_weight(choice, same, different)
+    assert heard(0.9) == pytest.approx(1.5, abs=0.02)
+    assert heard(0.1) == pytest.approx(1 / 1.5, abs=0.02)
+    assert heard(float("nan")) == 1.0
+    assert (np.diff(heard.table[:-1]) >= 0).all(), "more alike counted for less"
+
+
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("voxel_size", 0.0), ("voxel_size", float("nan")), ("tau_sub", 0.5), ("tau_obs", 1.5), ("min_masks", 0),
+    [("voxel_size", 0.0), ("consensus", "hard"), ("trust", 0.5), ("tau_soft", 0.0), ("min_vote", -1.0), ("doubt", -1.0),
+     ("voxel_size", float("nan")), ("tau_sub", 0.5), ("tau_obs", 1.5), ("min_masks", 0),
      ("semantics", "magic"), ("visibility", "all"), ("tau_structural", 0.3), ("top_k", 2.5)],
 )  # fmt: skip
 def test_settings_that_make_no_sense_are_refused_by_name(name: str, value: Any) -> None:
@@ -219,8 +239,8 @@ def test_settings_that_make_no_sense_are_refused_by_name(name: str, value: Any) 
 def test_voxels_are_those_of_the_points_that_the_camera_says() -> None:
     depth, labels = GOOD
     T_world_camera = pose(0.3, 0.2, 0.4)
-    cells, own = pixel_voxels(depth, labels, CAMERA, T_world_camera, replace(SMALL, max_gap=0.0))
-    centres = voxel_centres(pack_cells(cells), SMALL.voxel_size)
+    keys, own = pixel_voxels(depth, labels, CAMERA, T_world_camera, replace(SMALL, max_gap=0.0))
+    centres = voxel_centres(keys, SMALL.voxel_size)
     points = CAMERA.unproject(depth, T_world_camera).reshape(-1, 3)
     np.testing.assert_array_equal(own, labels.ravel())
     assert np.abs(centres - points).max() <= SMALL.voxel_size / 2 + 1e-5
@@ -229,8 +249,8 @@ def test_voxels_are_those_of_the_points_that_the_camera_says() -> None:
 
 def test_surfaces_are_filled_between_pixels_but_not_across_edges() -> None:
     depth, labels = GOOD
-    cells, own = pixel_voxels(depth, labels, CAMERA, pose(), SMALL)
-    floor = np.unique(cells[own == 1], axis=0)
+    keys, own = pixel_voxels(depth, labels, CAMERA, pose(), SMALL)
+    floor = np.unique(unpack_keys(keys[own == 1]), axis=0)
     # What is seen of the floor from 1.2 m up, beside the box: a stretch without a hole.
     x, z = floor[:, 0], floor[:, 2]
     ahead = (
@@ -241,6 +261,6 @@ def test_surfaces_are_filled_between_pixels_but_not_across_edges() -> None:
     )
     assert len(np.unique(floor[ahead][:, [0, 2]], axis=0)) == (np.ptp(x[ahead]) + 1) * (np.ptp(z[ahead]) + 1)
     # Nothing hangs in the air between the box and the wall behind it.
-    y = voxel_centres(pack_cells(cells[own == 7]), SMALL.voxel_size)
+    y = voxel_centres(keys[own == 7], SMALL.voxel_size)
     assert y[:, 2].min() > -2.2 - SMALL.voxel_size
-    assert (np.abs(voxel_centres(pack_cells(cells[own == 5]), SMALL.voxel_size)[:, 2] + 3.0) <= SMALL.voxel_size).all()
+    assert (np.abs(voxel_centres(keys[own == 5], SMALL.voxel_size)[:, 2] + 3.0) <= SMALL.voxel_size).all()

@@ -158,6 +158,8 @@ def _semantic(a, b, features, kind, slope, offset, gap):  # type: ignore[no-unty
     cosine = np.rint(dot * COSINE_STEPS) / COSINE_STEPS
     if kind == 1:
         return max(0.0, cosine) if known else 1.0
+    if kind == 3:
+        return max(0.0, cosine) if known else 0.0
     exponent = slope * cosine + offset if known else 0.0
     p = 1.0 / (1.0 + math.exp(-min(max(exponent, -30.0), 30.0)))
     return p / (p + (1.0 - p) * gap)
@@ -206,10 +208,11 @@ def _components(  # type: ignore[no-untyped-def]
             for f in o_values[o_start[j] : o_start[j + 1]]:
                 if stamp[f] == i:
                     common += 1
-            if common <= n_o or s / common < threshold:
+            r_struc = 1.0 if kind == 3 else s / common
+            if common <= n_o or r_struc < threshold:
                 continue
             r_seman = _semantic(representative[i], representative[j], features, kind, slope, offset, gap)
-            if (s / common) * r_seman >= threshold:
+            if r_struc * r_seman >= threshold:
                 parent[max(a, b)] = min(a, b)
     for i in range(n):
         parent[i] = _root(parent, i)

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage, sparse
 
+from openmap_agents.mapping.consensus import Rows
 from openmap_agents.mapping.frame import unpack_keys, voxel_centres
 from openmap_agents.mapping.reference import cell_factor
 from openmap_agents.mapping.segments import Segments
@@ -37,6 +38,40 @@ def pieces_of(
     role = has_member[segments.frame]
     role[members] = 2
     voxels = voxels[store.kept(voxels, role, settings.detection_ratio)]
+    return _connected_pieces(members, voxels, segments, store, settings)
+
+
+def elected_pieces(
+    clusters: Rows, segments: Segments, store: VoxelStore, settings: MappingSettings
+) -> tuple[list[Piece], list[int]]:
+    """The pieces of clusters of masks (``reference_soft.elect`` and what follows it), and which cluster each is of.
+
+    ``clusters`` lists the masks of each, ascending.
+    """
+    n = len(clusters)
+    size = np.diff(clusters.start)
+    cluster_of = np.full(segments.n, -1, np.int32)
+    cluster_of[clusters.values] = np.repeat(np.arange(n, dtype=np.int32), size)
+    winner = store.elected(cluster_of, size >= settings.min_masks, settings.min_vote)
+    order = np.argsort(winner, kind="stable")
+    start = np.searchsorted(winner[order], np.arange(n + 1))
+    pieces, origin = [], []
+    for c in np.flatnonzero(size >= settings.min_masks).tolist():
+        voxels = order[start[c] : start[c + 1]].astype(np.int32)
+        found = _connected_pieces(clusters.row(c), voxels, segments, store, settings)
+        pieces += found
+        origin += [c] * len(found)
+    return pieces, origin
+
+
+def _connected_pieces(
+    members: npt.NDArray[np.int32],
+    voxels: npt.NDArray[np.int32],
+    segments: Segments,
+    store: VoxelStore,
+    settings: MappingSettings,
+) -> list[Piece]:
+    """The connected pieces of voxels; a mask goes to the piece with most of it, and pieces of too few masks go."""
     if len(voxels) < settings.min_voxels:
         return []
     keys = store.keys(voxels)

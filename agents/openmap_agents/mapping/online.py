@@ -11,13 +11,16 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from openmap_agents.mapping.consensus import Nodes, cluster, initial_nodes
+from openmap_agents.mapping.agglomeration import agglomerate, nodes_of_masks
+from openmap_agents.mapping.consensus import Nodes, Rows, initial_nodes, rows_by
+from openmap_agents.mapping.consensus import cluster as cluster_by_rounds
 from openmap_agents.mapping.frame import FrameVoxels, check_frame, frame_voxels
 from openmap_agents.mapping.geometry import mark_structure
+from openmap_agents.mapping.identity import Identities
 from openmap_agents.mapping.instance_map import InstanceMap, MapInstance
-from openmap_agents.mapping.instances import Piece, drop_overlapping, pieces_of
-from openmap_agents.mapping.segments import Observations, Segments
-from openmap_agents.mapping.semantics import COSINE_STEPS, CosineStatistics, semantic_weight
+from openmap_agents.mapping.instances import Piece, drop_overlapping, elected_pieces, pieces_of
+from openmap_agents.mapping.segments import Columns, Segments
+from openmap_agents.mapping.semantics import COSINE_STEPS, CosineStatistics, semantic_weight, soft_weight
 from openmap_agents.mapping.settings import MappingSettings
 from openmap_agents.mapping.voxel_store import VoxelStore
 from openmap_scenes import PinholeCamera
@@ -38,13 +41,14 @@ class OpenMapper:
 
     def __init__(self, camera: PinholeCamera, settings: MappingSettings = _DEFAULT) -> None:
         self.camera, self.settings = camera, settings
-        self._store, self._segments, self._observations = VoxelStore(), Segments(), Observations()
+        self._store, self._segments = VoxelStore(), Segments()
+        # Who observes a mask: (mask, frame, container or -1), by frame. Who holds how much of it: (mask, segment, voxels).
+        self._observations, self._overlaps = Columns(), Columns()
         self._same, self._different = CosineStatistics(), CosineStatistics()
         self._calls = 0
         self._map: InstanceMap | None = None
         self._pieces: dict[bytes, list[Piece]] = {}
-        self._id_of_segment: dict[int, int] = {}
-        self._next_id = 1
+        self._identities = Identities()
 
     @property
     def n_frames(self) -> int:
@@ -119,7 +123,9 @@ class OpenMapper:
         best = of_old.argmax(axis=1) if n else np.zeros(len(old), np.int64)
         held = of_old.max(axis=1, initial=0) >= tau_sub * visible
         holder = np.where(held, base + 1 + best, -1).astype(np.int32)
-        self._observations.add(old, np.full(len(old), frame, np.int32), holder)
+        self._note(old, np.full(len(old), frame, np.int32), holder)
+        rows, columns = np.nonzero(of_old)
+        self._note_overlaps(old[rows], (base + 1 + columns).astype(np.int32), of_old[rows, columns])
 
         # Old frames as observers of the new masks: rows of one frame lie together.
         frames, first = np.unique(self._segments.frame[met], return_index=True)
@@ -132,10 +138,22 @@ class OpenMapper:
         rows, columns = np.nonzero((counts == most[row_frame]) & (counts >= tau_sub * total[row_frame]) & (counts > 0))
         holder_of[row_frame[rows], columns] = met[rows]
         k, t = np.nonzero((total > tau_obs * voxels.sizes).T)
-        self._observations.add(own[k], frames[t].astype(np.int32), holder_of[t, k])
-        self._observations.add(own, np.full(n, frame, np.int32), own)
+        self._note(own[k], frames[t].astype(np.int32), holder_of[t, k])
+        self._note(own, np.full(n, frame, np.int32), own)
+        observing = (total > tau_obs * voxels.sizes)[row_frame] & (counts > 0)
+        columns, rows = np.nonzero(observing.T)
+        self._note_overlaps(own[columns], met[rows], counts[rows, columns])
+        self._note_overlaps(own, own, voxels.sizes)
 
         self._learn(own, old[held], holder[held], own[k], holder_of[t, k])
+
+    def _note(self, mask: IntArray, frame: IntArray, container: IntArray) -> None:
+        if self.settings.consensus == "paper":
+            self._observations.add(mask, frame, container)
+
+    def _note_overlaps(self, mask: IntArray, segment: IntArray, voxels: npt.NDArray[np.integer]) -> None:
+        if self.settings.consensus == "soft":
+            self._overlaps.add(mask, segment, voxels.astype(np.int32))
 
     def _learn(self, own: IntArray, old: IntArray, holder: IntArray, new: IntArray, new_holder: IntArray) -> None:
         """Cosines of the frame's masks among each other (different) and with masks that hold them and that they hold (same)."""
@@ -168,15 +186,36 @@ class OpenMapper:
         segments, settings = self._segments, self.settings
         if segments.n == 0:
             return InstanceMap(voxel_size=settings.voxel_size)
-        frame, size = segments.frame, segments.size
-        weight = semantic_weight(settings, self._same, self._different)
-        nodes = initial_nodes(*self._observations.columns, size, segments.n_frames, settings)
-        nodes = cluster(nodes, frame, size, segments.n_frames, segments.features, weight, settings)
-        pieces, observers = self._split(nodes)
+        pieces, observers = self._soft_pieces() if settings.consensus == "soft" else self._paper_pieces()
         kept = drop_overlapping(pieces, self._store.n_voxels, settings)
-        ids = self._stable_ids([pieces[i] for i in kept])
+        ids = self._identities.assign([pieces[i].members for i in kept], segments.size, self._calls)
         instances = [self._instance(pieces[i], observers[i], new_id) for i, new_id in zip(kept, ids, strict=True)]
-        return InstanceMap(mark_structure(sorted(instances, key=lambda i: i.id)), voxel_size=settings.voxel_size)
+        return InstanceMap(
+            mark_structure(sorted(instances, key=lambda i: i.id)),
+            voxel_size=settings.voxel_size,
+            history=self._identities.history,
+        )
+
+    def _soft_pieces(self) -> tuple[list[Piece], list[int]]:
+        """Pieces of all clusters, and how many frames hold some of the masks of each."""
+        segments, settings = self._segments, self.settings
+        masks = np.flatnonzero(segments.size > 0).astype(np.int32)
+        nodes = nodes_of_masks(masks, self._overlaps.columns, segments.features)
+        weight = soft_weight(settings, self._same, self._different)
+        cluster = agglomerate(nodes, segments.frame, segments.n_frames, weight, settings.min_share, settings.doubt)
+        clusters = rows_by(cluster, int(cluster.max(initial=-1)) + 1, masks, np.ones(len(masks), np.bool_))
+        pieces, origin = elected_pieces(clusters, segments, self._store, settings)
+        observing = _observing_frames(cluster, nodes.counts, segments.frame, len(clusters))
+        return pieces, [int(observing[c]) for c in origin]
+
+    def _paper_pieces(self) -> tuple[list[Piece], list[int]]:
+        segments, settings = self._segments, self.settings
+        weight = semantic_weight(settings, self._same, self._different)
+        nodes = initial_nodes(*self._observations.columns, segments.size, segments.n_frames, settings)
+        nodes = cluster_by_rounds(
+            nodes, segments.frame, segments.size, segments.n_frames, segments.features, weight, settings
+        )
+        return self._split(nodes)
 
     def _split(self, nodes: Nodes) -> tuple[list[Piece], list[int]]:
         """Pieces of all nodes, and how many frames observe the node of each."""
@@ -192,27 +231,6 @@ class OpenMapper:
             observers += [len(nodes.observers.row(i))] * len(cache[key])
         self._pieces = cache
         return pieces, observers
-
-    def _stable_ids(self, pieces: list[Piece]) -> list[int]:
-        """An id for each piece: of the earlier instance of which it has most, if no other piece has more of it; else new."""
-        claims = []
-        for p, piece in enumerate(pieces):
-            share: dict[int, int] = {}
-            for m in piece.members.tolist():
-                if (known := self._id_of_segment.get(m)) is not None:
-                    share[known] = share.get(known, 0) + int(self._segments.size[m])
-            claims += [(-voxels, old_id, p) for old_id, voxels in share.items()]
-        ids: dict[int, int] = {}
-        taken: set[int] = set()
-        for _, old_id, p in sorted(claims):
-            if p not in ids and old_id not in taken:
-                ids[p] = old_id
-                taken.add(old_id)
-        for p, piece in enumerate(pieces):
-            if p not in ids:
-                ids[p], self._next_id = self._next_id, self._next_id + 1
-            self._id_of_segment.update(dict.fromkeys(piece.members.tolist(), ids[p]))
-        return [ids[p] for p in range(len(pieces))]
 
     def _instance(self, piece: Piece, n_observers: int, instance_id: int) -> MapInstance:
         segments, members = self._segments, piece.members
@@ -235,6 +253,14 @@ class OpenMapper:
             views=views.astype(np.int32),
             colour=colour,
         )
+
+
+def _observing_frames(cluster: IntArray, counts: Rows, segment_frame: IntArray, n: int) -> npt.NDArray[np.int64]:
+    """How many frames observe a mask of each of n clusters."""
+    of_entry = np.repeat(cluster, np.diff(counts.start)).astype(np.int64)
+    span = int(segment_frame.max(initial=0)) + 1
+    pairs = np.unique(of_entry * span + segment_frame[counts.values])
+    return np.bincount(pairs // span, minlength=n)
 
 
 def _rounded(cosines: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:

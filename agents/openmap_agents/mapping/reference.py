@@ -13,7 +13,8 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from openmap_agents.mapping.frame import check_frame, large_enough, pack_cells, pixel_voxels, unpack_keys
+from openmap_agents.mapping.back_projection import pixel_voxels
+from openmap_agents.mapping.frame import check_frame, large_enough, unpack_keys
 from openmap_agents.mapping.semantics import CosineStatistics, SemanticWeight, rounded_cosine, semantic_weight
 from openmap_agents.mapping.settings import MappingSettings
 from openmap_scenes import PinholeCamera
@@ -68,7 +69,7 @@ def reference_map(
     """The instances of frames ``(depth, masks, features or None, T_world_camera)``, in no particular order."""
     recording = record(camera, frames, settings)
     observers, containers = observe(recording, settings)
-    weight = learn_weight(recording, observers, containers, settings)
+    weight = semantic_weight(settings, *learn_statistics(recording, observers, containers))
     nodes = drop_undersegmented(observers, containers, recording, settings)
     for n_o in observer_schedule(nodes, settings):
         nodes = merge_round(nodes, n_o, recording, weight)
@@ -85,9 +86,9 @@ def frame_sets(
 ) -> tuple[set[Voxel], dict[int, set[Voxel]]]:
     """V_t, and P_k by label: each voxel goes to the label of most of its pixels, to the lowest on a tie."""
     pixels = large_enough(masks, settings)
-    cells, labels = pixel_voxels(depth, masks, camera, T_world_camera, settings)
+    keys, labels = pixel_voxels(depth, masks, camera, T_world_camera, settings)
     counts: dict[Voxel, dict[int, int]] = {}
-    for key, label in zip(pack_cells(cells).tolist(), labels.tolist(), strict=True):
+    for key, label in zip(keys.tolist(), labels.tolist(), strict=True):
         own = label if pixels[label] > 0 else 0
         of_voxel = counts.setdefault(key, {})
         of_voxel[own] = of_voxel.get(own, 0) + 1
@@ -140,10 +141,10 @@ def _cosine(recording: Recording, i: int, j: int) -> float:
     return float("nan") if a is None or b is None else rounded_cosine(a, b)
 
 
-def learn_weight(
-    recording: Recording, observers: list[set[int]], containers: list[set[int]], settings: MappingSettings
-) -> SemanticWeight:
-    """R_seman from cosines of masks that contain each other (same) and of masks of one frame (different)."""
+def learn_statistics(
+    recording: Recording, observers: list[set[int]], containers: list[set[int]]
+) -> tuple[CosineStatistics, CosineStatistics]:
+    """Cosines of masks that contain each other (same) and of masks of one frame (different)."""
     same, different = CosineStatistics(), CosineStatistics()
     for i in range(len(recording.masks)):
         for j in range(i):
@@ -154,7 +155,7 @@ def learn_weight(
                 different.add(np.array([cosine]))
             elif j in containers[i] and i in containers[j]:
                 same.add(np.array([cosine]))
-    return semantic_weight(settings, same, different)
+    return same, different
 
 
 def drop_undersegmented(
@@ -207,7 +208,7 @@ def merge_round(nodes: list[Node], n_o: int, recording: Recording, weight: Seman
             if len(common) <= n_o:
                 continue
             supporters = {recording.masks[c].frame for c in a.containers & b.containers} & common
-            r_struc = len(supporters) / len(common)
+            r_struc = 1.0 if weight.kind == 3 else len(supporters) / len(common)
             r_seman = weight(_cosine(recording, representative(a, recording), representative(b, recording)))
             if supporters and r_struc * r_seman >= weight.threshold:
                 old, new = max(component[i], component[j]), min(component[i], component[j])
@@ -222,11 +223,7 @@ def merge_round(nodes: list[Node], n_o: int, recording: Recording, weight: Seman
 
 
 def split(node: Node, recording: Recording, settings: MappingSettings) -> list[ReferenceInstance]:
-    """The connected pieces of a node, after voxels that its own frames mostly deny it were removed.
-
-    Two voxels are connected if their cells, about ``split_distance`` wide, touch in a chain (corners count). A mask goes to the
-    piece that has most of it, the piece with the lowest voxel on a tie.
-    """
+    """The connected pieces of a node, after voxels that its own frames mostly deny it were removed."""
     members = [recording.masks[k] for k in node.members]
     frames = {mask.frame for mask in members}
     kept = set()
@@ -235,7 +232,16 @@ def split(node: Node, recording: Recording, settings: MappingSettings) -> list[R
         seen = sum(v in recording.seen[t] for t in frames)
         if held > settings.detection_ratio * seen:
             kept.add(v)
-    pieces = connected_pieces(kept, settings)
+    return pieces_with_masks(kept, members, settings)
+
+
+def pieces_with_masks(voxels: set[Voxel], members: list[Mask], settings: MappingSettings) -> list[ReferenceInstance]:
+    """The connected pieces of voxels that have enough of the masks.
+
+    Two voxels are connected if their cells, about ``split_distance`` wide, touch in a chain (corners count). A mask goes to the
+    piece that has most of it, the piece with the lowest voxel on a tie.
+    """
+    pieces = connected_pieces(voxels, settings)
     owned: list[list[Mask]] = [[] for _ in pieces]
     for mask in members:
         overlaps = [len(mask.voxels & piece) for piece in pieces]

@@ -107,23 +107,24 @@ class Segments:
         self._call.append(call)
 
 
-class Observations:
-    """Who observes whom: columns (mask segment, observer frame, containing segment or -1), by frame within a mask."""
+class Columns:
+    """Growing columns of numbers, three abreast."""
 
     def __init__(self) -> None:
         self.n = 0
-        self._mask, self._frame, self._container = (np.empty(1024, np.int32) for _ in range(3))
+        self._columns = [np.empty(1024, np.int32) for _ in range(3)]
 
-    def add(self, mask: IntArray, frame: IntArray, container: IntArray) -> None:
-        """Append observations; later calls bring later frames, or new masks."""
-        end = self.n + len(mask)
-        for name, values in (("_mask", mask), ("_frame", frame), ("_container", container)):
-            column = grown(getattr(self, name), end)
+    def add(self, a: IntArray, b: IntArray, c: IntArray) -> None:
+        """Append rows."""
+        end = self.n + len(a)
+        for k, values in enumerate((a, b, c)):
+            column = grown(self._columns[k], end)
             column[self.n : end] = values
-            setattr(self, name, column)
+            self._columns[k] = column
         self.n = end
 
     @property
     def columns(self) -> tuple[IntArray, IntArray, IntArray]:
-        """(mask, frame, container), each (n,)."""
-        return self._mask[: self.n], self._frame[: self.n], self._container[: self.n]
+        """Each (n,)."""
+        a, b, c = self._columns
+        return a[: self.n], b[: self.n], c[: self.n]

@@ -26,6 +26,7 @@ from openmap_agents.mapping.settings import MappingSettings
 
 COSINE_STEPS = 10_000
 _FEWEST = 20
+LEAST_SEPARATION = 1.0
 
 
 @dataclass
@@ -35,6 +36,11 @@ class CosineStatistics:
     count: int = 0
     total: int = 0
     squares: int = 0
+
+    @property
+    def mean(self) -> float:
+        """Mean cosine; 0 without any."""
+        return self.total / self.count / COSINE_STEPS if self.count else 0.0
 
     def add(self, cosines: npt.NDArray[np.floating]) -> None:
         """Take in cosines (n,)."""
@@ -51,7 +57,7 @@ class SemanticWeight:
     Parameters
     ----------
     kind : int
-        0 structural, 1 product, 2 calibrated.
+        0 structural, 1 product, 2 calibrated, 3 alone: the product with R_struc = 1.
     threshold : float
         What R_struc * R_seman has to reach.
     slope, offset, gap : float
@@ -68,6 +74,8 @@ class SemanticWeight:
         """R_seman of a cosine that was rounded to 1e-4; of NaN, "one of the two has no feature"."""
         if self.kind == 0:
             return 1.0
+        if self.kind == 3:
+            return 0.0 if math.isnan(cosine) else max(0.0, cosine)
         if self.kind == 1:
             return 1.0 if math.isnan(cosine) else max(0.0, cosine)
         exponent = 0.0 if math.isnan(cosine) else self.slope * cosine + self.offset
@@ -88,12 +96,74 @@ def semantic_weight(settings: MappingSettings, same: CosineStatistics, different
         return SemanticWeight(0, settings.tau_structural)
     if settings.semantics == "product":
         return SemanticWeight(1, settings.tau_thres)
-    slope = offset = 0.0
-    if min(same.count, different.count) >= _FEWEST:
-        means = [s.total / s.count / COSINE_STEPS for s in (same, different)]
-        spread = sum(s.squares - s.total * s.total / s.count for s in (same, different))
-        variance = spread / (same.count + different.count - 2) / COSINE_STEPS**2
-        slope = max(0.0, (means[0] - means[1]) / max(variance, 1e-6))
-        offset = -slope * (means[0] + means[1]) / 2
+    if settings.semantics == "alone":
+        return SemanticWeight(3, settings.tau_thres)
+    curve = logistic_curve(same, different)
     gap = settings.tau_structural / settings.tau_thres - 1
-    return SemanticWeight(2, settings.tau_thres, slope, offset, gap)
+    return SemanticWeight(2, settings.tau_thres, curve.slope, curve.offset, gap)
+
+
+@dataclass(frozen=True)
+class LogisticCurve:
+    """The chance of "same" is 1 / (1 + exp(-(slope * cosine + offset))); ``deviation`` is that of cosines within each set."""
+
+    slope: float = 0.0
+    offset: float = 0.0
+    deviation: float = math.inf
+
+
+def logistic_curve(same: CosineStatistics, different: CosineStatistics) -> LogisticCurve:
+    """Linear discriminant analysis of the two sets of cosines; flat until both have a few examples."""
+    if min(same.count, different.count) < _FEWEST:
+        return LogisticCurve()
+    spread = sum(s.squares - s.total * s.total / s.count for s in (same, different))
+    variance = max(spread / (same.count + different.count - 2) / COSINE_STEPS**2, 1e-6)
+    slope = max(0.0, (same.mean - different.mean) / variance)
+    return LogisticCurve(slope, -slope * (same.mean + different.mean) / 2, math.sqrt(variance))
+
+
+@dataclass(frozen=True)
+class SoftWeight:
+    """R_seman of the soft consensus.
+
+    Parameters
+    ----------
+    threshold : float
+        What R_struc * R_seman has to reach.
+    table : (2 * COSINE_STEPS + 2,) float64
+        By mean cosine in steps from -1 to 1; the last entry is for "one of the two has no feature".
+    ignores_structure : bool
+        R_struc counts as 1.
+    """
+
+    threshold: float
+    table: npt.NDArray[np.float64]
+    ignores_structure: bool = False
+
+    def __call__(self, cosine: float) -> float:
+        """R_seman of a cosine; of NaN, "no feature"."""
+        if math.isnan(cosine):
+            return float(self.table[-1])
+        return float(self.table[min(max(int(np.rint((cosine + 1.0) * COSINE_STEPS)), 0), 2 * COSINE_STEPS)])
+
+
+def soft_weight(settings: MappingSettings, same: CosineStatistics, different: CosineStatistics) -> SoftWeight:
+    """The weight of the soft consensus for what the walk has shown so far.
+
+    Calibrated: 1 where features tell nothing, up to ``trust`` where they are sure of "same", down to 1 / ``trust`` where they are
+    sure of "different": they tip scales and never rule. An encoder whose two sets of cosines lie less than ``LEAST_SEPARATION``
+    standard deviations apart is not listened to.
+    """
+    cosines = np.linspace(-1.0, 1.0, 2 * COSINE_STEPS + 1)
+    if settings.semantics == "structural":
+        return SoftWeight(settings.tau_soft, np.ones(len(cosines) + 1))
+    if settings.semantics in ("product", "alone"):
+        alone = settings.semantics == "alone"
+        threshold = settings.tau_thres if alone else settings.tau_soft
+        return SoftWeight(threshold, np.append(np.maximum(cosines, 0.0), 0.0 if alone else 1.0), alone)
+    curve = logistic_curve(same, different)
+    if (same.mean - different.mean) < LEAST_SEPARATION * curve.deviation:
+        return SoftWeight(settings.tau_soft, np.ones(len(cosines) + 1))
+    exponent = np.clip(curve.slope * cosines + curve.offset, -30.0, 30.0)
+    surer = 2.0 / (1.0 + np.exp(-exponent)) - 1.0
+    return SoftWeight(settings.tau_soft, np.append(settings.trust**surer, 1.0))

@@ -36,8 +36,8 @@ class MappingSettings:
         V_t, what a frame sees: voxels under a mask (code: a frame whose segmenter said nothing of a place is no witness), or all
         voxels that its depth hits (the paper's words).
     consensus : {"soft", "paper"}
-        How masks become instances: by shares, best pair first (ours, ``reference_soft.py``), or as the paper has it: yes or no, whole
-        components at a time (``reference.py``). Which settings only one of the two reads is said with them.
+        How masks become instances: by shares, best pair first (ours, ``reference_soft.py``), or as the paper has it: yes or no,
+        whole components at a time (``reference.py``). Which settings only one of the two reads is said with them.
     tau_soft : float
         Soft: nodes join where R_struc * R_seman is at least this.
     doubt : float
@@ -46,6 +46,8 @@ class MappingSettings:
         Soft: smaller shares of a node under a mask are edges that wander, and count as none.
     min_vote : float
         Soft: a voxel joins the instance that most of its sightings name if that is at least this share of them.
+    trust : float
+        Soft: the factor, at least 1, by which features that are sure of themselves raise or lower R_struc; 1 = no heed.
     tau_obs : float
         A frame observes a mask if more than this share of the mask's voxels is in V_t. Paper: 0.3.
     tau_sub : float
@@ -61,8 +63,8 @@ class MappingSettings:
     observer_start, observer_step : int
         Percentile of the observer counts at which N_o starts, and by how much it falls a round. Paper: top 5 %, 5 %.
     semantics : {"calibrated", "product", "structural", "alone"}
-        R_seman: a weight learned from the walk (``semantics.py``), the bare cosine (paper), or none (MaskClustering). "alone" is the
-        bare cosine with R_struc = 1 wherever a frame holds both under one mask: the paper's ablation.
+        R_seman: a weight learned from the walk (``semantics.py``), the bare cosine (paper), or none (MaskClustering). "alone" is
+        the bare cosine with R_struc = 1 wherever a frame holds both under one mask: the paper's ablation.
     min_masks : int
         Instances of fewer masks are dropped. Code: 2.
     detection_ratio : float
@@ -91,6 +93,7 @@ class MappingSettings:
     doubt: float = 0.5
     min_share: float = 0.0625
     min_vote: float = 0.3
+    trust: float = 1.3
     tau_obs: float = 0.3
     tau_sub: float = 0.8
     tau_thres: float = 0.6
@@ -132,6 +135,7 @@ class MappingSettings:
             "min_vote",
         ):
             self._require(name, lambda x: 0 <= x <= 1, "within 0..1")
+        self._require("trust", lambda x: 1 <= x <= 100, "within 1..100")
         self._require("doubt", lambda x: 0 <= x <= 100, "within 0..100")
         for name in ("tau_thres", "tau_structural", "tau_soft"):
             self._require(name, lambda x: 0 < x <= 1, "above 0 and at most 1")

@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 _EMPTY = -1
-# Sightings in a block; with the number of the next block it fills half a cache line.
-_BLOCK = 7
+# Sightings in a block; with the number of the next block it fills a cache line.
+_BLOCK = 15
 
 
 def grown(array: npt.NDArray[Any], size: int, fill: int = 0) -> npt.NDArray[Any]:
@@ -118,6 +118,35 @@ def _kept_voxels(voxels, role, ratio, head, views, pool):  # type: ignore[no-unt
     return keep
 
 
+@numba.njit(cache=True)
+def _elected(n_voxels, cluster, stands, min_vote, head, views, pool):  # type: ignore[no-untyped-def]
+    winner = np.full(n_voxels, -1, np.int32)
+    names, votes = np.empty(views[:n_voxels].max() if n_voxels else 0, np.int32), np.zeros(len(stands), np.int32)
+    for v in range(n_voxels):
+        n_names, total, block, left = 0, 0, head[v], views[v]
+        while left > 0:
+            n_here = (left - 1) % _BLOCK + 1
+            for k in range(n_here):
+                c = cluster[pool[block, k]]
+                if c >= 0:
+                    total += 1
+                    if stands[c]:
+                        if votes[c] == 0:
+                            names[n_names] = c
+                            n_names += 1
+                        votes[c] += 1
+            left -= n_here
+            block = pool[block, _BLOCK]
+        best, most = -1, 0
+        for c in names[:n_names]:
+            if votes[c] > most or (votes[c] == most and c < best):
+                best, most = c, votes[c]
+            votes[c] = 0
+        if best >= 0 and most >= min_vote * total:
+            winner[v] = best
+    return winner
+
+
 class VoxelStore:
     """The voxels met so far and their sightings."""
 
@@ -202,3 +231,16 @@ class VoxelStore:
         """
         keep: npt.NDArray[np.bool_] = _kept_voxels(voxels, role, ratio, self._head, self._views, self._pool)
         return keep
+
+    def elected(
+        self, cluster: npt.NDArray[np.int32], stands: npt.NDArray[np.bool_], min_vote: float
+    ) -> npt.NDArray[np.int32]:
+        """The cluster (V,) that each voxel's sightings name most often, of those that stand (c,); -1 = none.
+
+        ``cluster`` (S,) of a segment, -1 = says nothing. The lowest wins a tie; a winner needs ``min_vote`` of all that say
+        anything.
+        """
+        winner: npt.NDArray[np.int32] = _elected(
+            self.n_voxels, cluster, stands, min_vote, self._head, self._views, self._pool
+        )
+        return winner
