@@ -1,6 +1,6 @@
 """The command line.
 
-``openmap eval | eval perception | demo | map | query | export | ap | scenes | episodes | bench | train perception``.
+``openmap eval | eval perception | eval mapping | demo | map | query | export | ap | scenes | episodes | bench | train perception``.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from openmap_eval.bench import Benchmark
 from openmap_eval.episode_commands import EpisodeCommand
 from openmap_eval.export_command import Export
 from openmap_eval.map_command import Map
+from openmap_eval.mapping.command import EvalMapping
 from openmap_eval.perception.command import EvalPerception
 from openmap_eval.scene_commands import SceneCommand
 from openmap_scenes import DataError
@@ -28,7 +29,7 @@ from openmap_scenes import DataError
 @dataclass(frozen=True)
 class Eval:
     """Run an agent over episodes and score it; a run that was stopped goes on where it was. For masks and names by themselves:
-    ``openmap eval perception``."""
+    ``openmap eval perception``; for maps: ``openmap eval mapping``."""
 
     out: Path
     """Folder for episodes.jsonl, summary.json, report.html, the map pictures and the maps. A second call with it resumes."""
@@ -152,6 +153,7 @@ class TrainPerception(PerceptionTraining):
 Command = (
     Annotated[Eval, tyro.conf.subcommand("eval")]
     | Annotated[EvalPerception, tyro.conf.subcommand("eval perception")]
+    | Annotated[EvalMapping, tyro.conf.subcommand("eval mapping")]
     | Annotated[Demo, tyro.conf.subcommand("demo")]
     | Annotated[Map, tyro.conf.subcommand("map")]
     | Annotated[Query, tyro.conf.subcommand("query")]
@@ -169,12 +171,23 @@ def main(arguments: list[str] | None = None) -> None:
     logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s", stream=sys.stderr)
     console = Console()
     arguments = list(sys.argv[1:] if arguments is None else arguments)
-    if arguments[:1] in (["eval"], ["train"]) and arguments[1:2] == ["perception"]:
+    if arguments[:2] in (["eval", "perception"], ["eval", "mapping"], ["train", "perception"]):
         # A command of its own: ``eval`` has flags, and so no commands below it.
         arguments[:2] = [" ".join(arguments[:2])]
-    command: Eval | EvalPerception | Demo | Map | Query | Export | Ap | Scenes | Episodes | Bench | TrainPerception = (
-        tyro.cli(Command, args=arguments, prog="openmap", description=__doc__)
-    )
+    command: (
+        Eval
+        | EvalPerception
+        | EvalMapping
+        | Demo
+        | Map
+        | Query
+        | Export
+        | Ap
+        | Scenes
+        | Episodes
+        | Bench
+        | TrainPerception
+    ) = tyro.cli(Command, args=arguments, prog="openmap", description=__doc__)
     try:
         command.run(console)
     except (DataError, ValueError, OSError) as error:
