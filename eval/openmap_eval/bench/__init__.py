@@ -14,6 +14,7 @@ from openmap_eval.bench.env import Env
 from openmap_eval.bench.homes import Homes
 from openmap_eval.bench.loading import Loading
 from openmap_eval.bench.machine import Machine
+from openmap_eval.bench.map import Map
 from openmap_eval.bench.perception import Perception
 from openmap_eval.bench.render import Render
 
@@ -22,8 +23,9 @@ Benchmark = (
     | Annotated[Homes, tyro.conf.subcommand("homes")]
     | Annotated[Loading, tyro.conf.subcommand("loading")]
     | Annotated[Machine, tyro.conf.subcommand("machine")]
+    | Annotated[Map, tyro.conf.subcommand("map")]
     | Annotated[Perception, tyro.conf.subcommand("perception")]
     | Annotated[Render, tyro.conf.subcommand("render")]
 )
 
-__all__ = ["Benchmark", "Env", "Homes", "Loading", "Machine", "Perception", "Render"]
+__all__ = ["Benchmark", "Env", "Homes", "Loading", "Machine", "Map", "Perception", "Render"]
