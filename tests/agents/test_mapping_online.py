@@ -207,7 +207,7 @@ def test_calibrated_weight_ignores_an_encoder_that_tells_nothing_and_heeds_one_t
     assert semantic_weight(choice, different, same)(0.9) == pytest.approx(neutral), "a reversed encoder was trusted"
 
 
-def test_the_soft_weight_tips_scales_within_its_trust_and_hears_no_encoder_that_tells_little() -> None:
+def test_the_soft_weight_tips_scales_within_its_trust_and_lets_only_a_good_encoder_say_same() -> None:
     choice = MappingSettings(trust=1.5)
     rng = np.random.default_rng(0)
     poor, same, near, different = (CosineStatistics() for _ in range(4))
@@ -215,9 +215,11 @@ def test_the_soft_weight_tips_scales_within_its_trust_and_hears_no_encoder_that_
     near.add(rng.normal(0.75, 0.1, 500))
     same.add(rng.normal(0.8, 0.05, 500))
     different.add(rng.normal(0.3, 0.15, 500))
-    for a, b in ((poor, poor), (near, poor), (different, same), (CosineStatistics(), different)):
-        deaf = soft_weight(choice, a, b)
-        assert set(deaf.table.tolist()) == {1.0}
+    for a, b in ((poor, poor), (different, same), (CosineStatistics(), different)):
+        assert set(soft_weight(choice, a, b).table.tolist()) == {1.0}
+    weak = soft_weight(choice, near, poor)
+    assert weak.table.max() == 1.0
+    assert 1 / 1.5 <= weak(0.5) < 1.0
     heard = soft_weight(choice, same, different)
     assert heard(0.9) == pytest.approx(1.5, abs=0.02)
     assert heard(0.1) == pytest.approx(1 / 1.5, abs=0.02)

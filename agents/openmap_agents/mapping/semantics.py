@@ -26,7 +26,7 @@ from openmap_agents.mapping.settings import MappingSettings
 
 COSINE_STEPS = 10_000
 _FEWEST = 20
-LEAST_SEPARATION = 1.0
+LEAST_SEPARATION = 2.0
 
 
 @dataclass
@@ -150,9 +150,9 @@ class SoftWeight:
 def soft_weight(settings: MappingSettings, same: CosineStatistics, different: CosineStatistics) -> SoftWeight:
     """The weight of the soft consensus for what the walk has shown so far.
 
-    Calibrated: 1 where features tell nothing, up to ``trust`` where they are sure of "same", down to 1 / ``trust`` where they are
-    sure of "different": they tip scales and never rule. An encoder whose two sets of cosines lie less than ``LEAST_SEPARATION``
-    standard deviations apart is not listened to.
+    Calibrated: 1 where features tell nothing, down to 1 / ``trust`` where they are sure of "different", up to ``trust`` where they
+    are sure of "same": they tip scales and never rule. Only an encoder whose two sets of cosines lie at least
+    ``LEAST_SEPARATION`` standard deviations apart may say "same": a weaker one finds most things alike, and would make one of them.
     """
     cosines = np.linspace(-1.0, 1.0, 2 * COSINE_STEPS + 1)
     if settings.semantics == "structural":
@@ -162,8 +162,8 @@ def soft_weight(settings: MappingSettings, same: CosineStatistics, different: Co
         threshold = settings.tau_thres if alone else settings.tau_soft
         return SoftWeight(threshold, np.append(np.maximum(cosines, 0.0), 0.0 if alone else 1.0), alone)
     curve = logistic_curve(same, different)
-    if (same.mean - different.mean) < LEAST_SEPARATION * curve.deviation:
-        return SoftWeight(settings.tau_soft, np.ones(len(cosines) + 1))
     exponent = np.clip(curve.slope * cosines + curve.offset, -30.0, 30.0)
     surer = 2.0 / (1.0 + np.exp(-exponent)) - 1.0
+    if same.mean - different.mean < LEAST_SEPARATION * curve.deviation:
+        surer = np.minimum(surer, 0.0)
     return SoftWeight(settings.tau_soft, np.append(settings.trust**surer, 1.0))
