@@ -1,8 +1,8 @@
 """Soft view consensus on sparse rows: the rounds of ``reference_soft.py``, which says plainly what is computed here.
 
 A round finds for every node the partner of the highest score; two nodes that are each other's best become one. Only nodes that
-share a mask can have a score, so a node meets its partners in the columns of the masks that hold parts of it. After the first
-round a node is looked at again only if it is new or has lost its best partner; new nodes tell the others of themselves.
+share a mask can have a score, so a node meets its partners in the columns of the masks that hold parts of it. New nodes do so and
+tell the others; a node looks again only when all the partners that it has kept in mind are gone.
 """
 
 from __future__ import annotations
@@ -21,6 +21,8 @@ SHARES = 64
 """Units of a share."""
 FEATURE_STEPS = 2048
 """Units of a mask's feature; sums of a million of them are exact in float64."""
+LISTED = 8
+"""How many of its best partners a node keeps in mind."""
 MEAN_STEPS = 8 * FEATURE_STEPS
 """Units of the mean feature of a node, which fits 16 bits."""
 
@@ -122,19 +124,62 @@ def _columns(start, segment, share, n_segments):  # type: ignore[no-untyped-def]
     return at, node, value
 
 
+@dataclass
+class Partners:
+    """The best partners of n nodes, up to ``LISTED`` each, so that a node that loses its best one need not look for another.
+
+    Parameters
+    ----------
+    node, score : (n, LISTED) int32, float64
+        In no order; the first ``count[i]`` of a row are filled.
+    count : (n,) int32
+    unlisted : (n,) float64
+        No partner that is left out has a higher score; 0 = none is left out.
+    """
+
+    node: npt.NDArray[np.int32]
+    score: npt.NDArray[np.float64]
+    count: npt.NDArray[np.int32]
+    unlisted: npt.NDArray[np.float64]
+
+    @classmethod
+    def none(cls, n: int) -> Partners:
+        """Empty lists."""
+        return cls(np.empty((n, LISTED), np.int32), np.empty((n, LISTED)), np.zeros(n, np.int32), np.zeros(n))
+
+
+@numba.njit(cache=True)
+def _list(node, score, count, unlisted, i, j, r):  # type: ignore[no-untyped-def]
+    """Enter partner j of score r in the list of node i, in the place of the worst one if the list is full."""
+    if count[i] < node.shape[1]:
+        node[i, count[i]], score[i, count[i]] = j, r
+        count[i] += 1
+        return
+    worst = 0
+    for k in range(1, node.shape[1]):
+        if score[i, k] < score[i, worst] or (score[i, k] == score[i, worst] and node[i, k] > node[i, worst]):
+            worst = k
+    if r > score[i, worst] or (r == score[i, worst] and j < node[i, worst]):
+        unlisted[i] = max(unlisted[i], score[i, worst])
+        node[i, worst], score[i, worst] = j, r
+    else:
+        unlisted[i] = max(unlisted[i], r)
+
+
 @numba.njit(cache=True, error_model="numpy")
-def _best_partners(  # type: ignore[no-untyped-def]
-    xs, xm, xv, cs, ci, cv, seen, features, known, table, ignores_structure, most, doubt, tau, state, best, value,
+def _meet(  # type: ignore[no-untyped-def]
+    xs, xm, xv, cs, ci, cv, seen, features, known, table, ignores_structure, most, doubt, tau, looks, offers,
+    node, score, count, unlisted,
 ):  # fmt: skip
-    """Fill best (n,) and value (n,) of nodes of state 1 or 2; those of state 2 offer themselves to nodes of state 0 as well."""
+    """Fill the lists of nodes that look; with ``offers`` they enter themselves in the lists of all that they meet as well."""
     n, words, dim = len(xs) - 1, seen.shape[1], features.shape[1]
     unit = np.float64(SHARES * SHARES)
     common, touched = np.zeros(n, np.int32), np.empty(n, np.int32)
     for i in range(n):
-        if state[i] != 0:
-            best[i], value[i] = -1, 0.0
+        if looks[i]:
+            count[i], unlisted[i] = 0, 0.0
     for i in range(n):
-        if state[i] == 0:
+        if not looks[i]:
             continue
         n_touched = 0
         for e in range(xs[i], xs[i + 1]):
@@ -149,8 +194,8 @@ def _best_partners(  # type: ignore[no-untyped-def]
             j = touched[q]
             supporters = common[j]
             common[j] = 0
-            # Of two nodes that are both looked at, the one with the lower number does it for both.
-            if j == i or (state[j] != 0 and j < i):
+            # Of two nodes that both look and offer, the one with the lower number does it for both.
+            if j == i or (offers and looks[j] and j < i):
                 continue
             observers = np.int64(0)
             for w in range(words):
@@ -168,10 +213,23 @@ def _best_partners(  # type: ignore[no-untyped-def]
                 r *= table[len(table) - 1]
             if r < tau:
                 continue
-            if r > value[i] or (r == value[i] and j < best[i]):
-                best[i], value[i] = j, r
-            if (state[j] != 0 or state[i] == 2) and (r > value[j] or (r == value[j] and i < best[j])):
-                best[j], value[j] = i, r
+            _list(node, score, count, unlisted, i, j, r)
+            if offers:
+                _list(node, score, count, unlisted, j, i, r)
+
+
+@numba.njit(cache=True)
+def _best(looked, node, score, count, unlisted):  # type: ignore[no-untyped-def]
+    """The best listed partner (n,) of each node, -1 = none; -2 = perhaps an unlisted one, of nodes that have not ``looked`` now."""
+    best = np.full(len(count), -1, np.int32)
+    for i in range(len(count)):
+        top = -1.0
+        for k in range(count[i]):
+            if score[i, k] > top or (score[i, k] == top and node[i, k] < best[i]):
+                best[i], top = node[i, k], score[i, k]
+        if not looked[i] and unlisted[i] > 0.0 and top <= unlisted[i]:
+            best[i] = -2
+    return best
 
 
 @numba.njit(cache=True)
@@ -246,22 +304,41 @@ def agglomerate(
 ) -> npt.NDArray[np.int32]:
     """The cluster 0..c-1 of each node (n,), clusters in the order of their lowest nodes."""
     cluster = np.arange(len(nodes), dtype=np.int32)
-    state, best, value = np.ones(len(nodes), np.int8), np.full(len(nodes), -1, np.int32), np.zeros(len(nodes))
+    partners, new = Partners.none(len(nodes)), np.ones(len(nodes), np.bool_)
     least = max(1, round(min_share * SHARES))
     while True:
         shares: Any = _shares(nodes.counts.start, nodes.counts.values, nodes.count, segment_frame, n_frames, least)
-        columns = _columns(*shares[:3], len(segment_frame))
-        _best_partners(
-            *shares[:3], *columns, shares[3], _mean_features(nodes), nodes.n_features > 0, weight.table,
-            weight.ignores_structure, float(weight.table.max()), doubt, weight.threshold, state, best, value,
+        told = (
+            *shares[:3], *_columns(*shares[:3], len(segment_frame)), shares[3], _mean_features(nodes),
+            nodes.n_features > 0, weight.table, weight.ignores_structure, float(weight.table.max()), doubt, weight.threshold,
         )  # fmt: skip
+        lists = (partners.node, partners.score, partners.count, partners.unlisted)
+        _meet(*told, new, True, *lists)
+        best = _best(new, *lists)
+        if (lost := best == -2).any():
+            _meet(*told, lost, False, *lists)
+            best = _best(new | lost, *lists)
         group, n = _pair_up(best)
         if n == len(nodes):
             return cluster
-        size = np.bincount(group, minlength=n)
-        lowest = np.searchsorted(np.maximum.accumulate(group), np.arange(n))
-        old_best = best[lowest]
-        lost = (old_best >= 0) & (size[group[old_best]] > 1)
-        state = np.where(size > 1, 2, np.where(lost, 1, 0)).astype(np.int8)
-        best, value = np.where(old_best >= 0, group[old_best], -1).astype(np.int32), value[lowest]
         nodes, cluster = _joined(nodes, group, n), group[cluster]
+        partners, new = _carried_over(partners, group, n)
+
+
+def _carried_over(partners: Partners, group: npt.NDArray[np.int32], n: int) -> tuple[Partners, npt.NDArray[np.bool_]]:
+    """The lists after nodes have joined, without those that are no more; and which of the n nodes are new."""
+    new = np.bincount(group, minlength=n) > 1
+    lowest = np.searchsorted(np.maximum.accumulate(group), np.arange(n))
+    node, score, count = partners.node[lowest], partners.score[lowest], partners.count[lowest]
+    now = group[np.where(np.arange(LISTED) < count[:, None], node, 0)]
+    stays = (np.arange(LISTED) < count[:, None]) & ~new[now]
+    order = np.argsort(~stays, axis=1, kind="stable")
+    return (
+        Partners(
+            np.take_along_axis(now, order, 1),
+            np.take_along_axis(score, order, 1),
+            stays.sum(axis=1).astype(np.int32),
+            partners.unlisted[lowest],
+        ),
+        new,
+    )
