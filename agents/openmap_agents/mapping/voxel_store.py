@@ -55,10 +55,13 @@ def _insert(keys, values, table_key, table_value):  # type: ignore[no-untyped-de
 
 
 @numba.njit(cache=True)
-def _count_overlaps(voxels, mask, n, head, views, pool, row_of_segment):  # type: ignore[no-untyped-def]
-    """Old segments met (R,) and the counts (R, n + 1) of voxels that they share with the frame's masks 0..n."""
-    rows, capacity = 0, 256
-    segments, counts = np.empty(capacity, np.int32), np.zeros((capacity, n + 1), np.int32)
+def _count_overlaps(voxels, mask, head, views, pool, row_of_segment, segments, counts):  # type: ignore[no-untyped-def]
+    """Fill old segments met (R,) and the counts (R, n + 1) of voxels that they share with the frame's masks 0..n.
+
+    Returns how many there are, or -1 where they do not fit: an array that is exchanged for a larger one inside of the loop makes
+    each access several times as slow.
+    """
+    rows, fits = 0, True
     for i in range(len(voxels)):
         if voxels[i] < 0:
             continue
@@ -69,11 +72,9 @@ def _count_overlaps(voxels, mask, n, head, views, pool, row_of_segment):  # type
                 segment = pool[block, k]
                 row = row_of_segment[segment]
                 if row < 0:
-                    if rows == capacity:
-                        capacity *= 2
-                        more_segments, more_counts = np.empty(capacity, np.int32), np.zeros((capacity, n + 1), np.int32)
-                        more_segments[:rows], more_counts[:rows] = segments, counts
-                        segments, counts = more_segments, more_counts
+                    if rows == len(segments):
+                        fits = False
+                        continue
                     row = rows
                     rows += 1
                     row_of_segment[segment], segments[row] = row, segment
@@ -82,7 +83,7 @@ def _count_overlaps(voxels, mask, n, head, views, pool, row_of_segment):  # type
             block = pool[block, _BLOCK]
     for row in range(rows):
         row_of_segment[segments[row]] = -1
-    return segments[:rows], counts[:rows]
+    return rows if fits else -1
 
 
 @numba.njit(cache=True)
@@ -180,9 +181,16 @@ class VoxelStore:
         self, voxels: npt.NDArray[np.int32], mask: npt.NDArray[np.int32], n_masks: int
     ) -> tuple[npt.NDArray[np.int32], npt.NDArray[np.int32]]:
         """Segments (R,) that share voxels with a frame, ascending, and how many with each of its masks: (R, n_masks + 1)."""
-        segments, counts = _count_overlaps(
-            voxels, mask, n_masks, self._head, self._views, self._pool, self._row_of_segment
-        )
+        room = 1024
+        while True:
+            segments, counts = np.empty(room, np.int32), np.zeros((room, n_masks + 1), np.int32)
+            rows = _count_overlaps(
+                voxels, mask, self._head, self._views, self._pool, self._row_of_segment, segments, counts
+            )
+            if rows >= 0:
+                segments, counts = segments[:rows], counts[:rows]
+                break
+            room *= 4
         order = np.argsort(segments)
         return segments[order], counts[order]
 
