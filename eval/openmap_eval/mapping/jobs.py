@@ -81,15 +81,13 @@ def run_job(job: Job) -> Result:
     instances of the same voxels, and ``fast_ap``.
     """
     inputs = load_inputs(job.walk, job.masks)
-    frames = list(troubled(inputs.frames(job.features, job.seed), len(inputs), job.trouble, job.seed))
+    frames = troubled(inputs.frames(job.features, job.seed), len(inputs), job.trouble, job.seed)
     truth = truth_of(inputs.walk, job.walk)
     if job.method == "peer":
         return _peer(job, inputs.walk, frames, truth)
     if job.method == "reference":
         return _reference(job, inputs.walk, frames, truth)
-    start = time.process_time()
-    found = fast_map(job, inputs.walk, frames)
-    seconds = time.process_time() - start
+    found, seconds = fast_map(job, inputs.walk, frames)
     return {**scored(found, truth), "instances": len(found), "seconds": seconds}
 
 
@@ -114,12 +112,16 @@ def truth_of(walk: Walk, spec: WalkSpec) -> LabelledCloud:
     return LabelledCloud(cloud.points[near], cloud.instance[near], cloud.category[near])
 
 
-def fast_map(job: Job, walk: Walk, frames: Iterable[MapperFrame]) -> InstanceMap:
-    """What the online mapper makes of the frames."""
-    mapper = OpenMapper(walk.camera, job.settings)
+def fast_map(job: Job, walk: Walk, frames: Iterable[MapperFrame]) -> tuple[InstanceMap, float]:
+    """What the online mapper makes of the frames, and in how many seconds of the CPU."""
+    mapper, seconds = OpenMapper(walk.camera, job.settings), 0.0
     for frame in frames:
+        start = time.process_time()
         mapper.integrate(*frame)
-    return mapper.finalize()
+        seconds += time.process_time() - start
+    start = time.process_time()
+    found = mapper.finalize()
+    return found, seconds + time.process_time() - start
 
 
 def scored(found: InstanceMap, truth: LabelledCloud) -> Result:
@@ -133,11 +135,12 @@ def _ap(proposals: list[Proposal], truth: LabelledCloud) -> Result:
     return {"ap": scores.ap, "ap50": scores.ap50, "ap25": scores.ap25}
 
 
-def _reference(job: Job, walk: Walk, frames: list[MapperFrame], truth: LabelledCloud) -> Result:
+def _reference(job: Job, walk: Walk, frames: Iterable[MapperFrame], truth: LabelledCloud) -> Result:
     from openmap_agents.mapping.reference import reference_map
     from openmap_agents.mapping.reference_soft import reference_soft_map
 
     plain = reference_soft_map if job.consensus == "soft" else reference_map
+    frames = list(frames)
     start = time.process_time()
     instances = plain(walk.camera, frames, job.settings)
     seconds = time.process_time() - start
@@ -149,7 +152,7 @@ def _reference(job: Job, walk: Walk, frames: list[MapperFrame], truth: LabelledC
         ],
         voxel,
     )
-    fast = fast_map(job, walk, frames)
+    fast, _ = fast_map(job, walk, frames)
     same = _parts(built) == _parts(fast)
     ap = _ap(proposals_of_map(built, truth.points, ranked=False) if len(built) else [], truth)
     return {**ap, "instances": len(built), "seconds": seconds, "same": same, "fast_ap": scored(fast, truth)["ap"]}
@@ -160,7 +163,7 @@ def _parts(found: InstanceMap) -> list[bytes]:
     return sorted(np.ascontiguousarray(i.points[np.lexsort(i.points.T)]).tobytes() for i in found)
 
 
-def _peer(job: Job, walk: Walk, frames: list[MapperFrame], truth: LabelledCloud) -> Result:
+def _peer(job: Job, walk: Walk, frames: Iterable[MapperFrame], truth: LabelledCloud) -> Result:
     from openmap_agents.baselines.maskclustering import MaskClusteringSettings, mask_clustering
 
     semantics: Literal["structural", "product"] = "product" if job.semantics == "product" else "structural"
