@@ -7,14 +7,18 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
-from openmap_agents.mapping import InstanceMap, MappingSettings, OpenMapper, PinholeCamera
+from openmap_agents.mapping import InstanceMap, MappingSettings, OpenMapper, PinholeCamera, agglomeration
 from openmap_agents.mapping.frame import frame_voxels, pack_cells, unpack_keys, voxel_centres
 from openmap_agents.mapping.reference import Frame, ReferenceInstance, frame_sets, reference_map
 from openmap_agents.mapping.reference_soft import reference_soft_map
+from openmap_agents.mapping.settings import Consensus
+from openmap_agents.perception.corruption import corrupt
+from openmap_eval.mapping.sequence import SequenceSettings, record
 
 VOXEL, WIDTH, HEIGHT = 0.05, 14, 10
 # At 2 m a pixel is one voxel wide, so that shifting the camera by voxels shifts the picture by pixels.
@@ -105,7 +109,7 @@ def assert_same(found: InstanceMap, expected: list[ReferenceInstance], choice: M
             np.testing.assert_allclose(feature, instance.feature, atol=1e-6)
 
 
-CHOICES = [
+PAPER = [
     SMALL,
     replace(SMALL, semantics="product"),
     replace(SMALL, semantics="structural", visibility="depth", min_masks=1),
@@ -113,6 +117,8 @@ CHOICES = [
     replace(SMALL, max_views=2, min_novelty=0.3, tau_thres=0.5, tau_structural=0.7, min_mask_voxels=5, tau_overlap=0.5),
     replace(SMALL, min_masks=1, min_voxels=1, tau_undersegmented=1.0, observer_start=50, top_k=2, split_distance=0.05),
     replace(SMALL, semantics="alone", tau_undersegmented=1.0),
+]
+SOFTLY = [
     SOFT,
     replace(SOFT, semantics="product", min_masks=1),
     replace(SOFT, semantics="structural", visibility="depth", min_share=0.0, doubt=0.0),
@@ -121,10 +127,58 @@ CHOICES = [
 ]
 
 
+CHOICES = [*PAPER, *SOFTLY]
+
+
 @settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-@given(frames=walks(), choice=st.sampled_from(CHOICES))
-def test_online_map_equals_the_reference_on_random_walks(frames: list[Frame], choice: MappingSettings) -> None:
+@given(frames=walks(), choice=st.sampled_from(PAPER))
+def test_online_map_equals_the_paper_s_reference_on_random_walks(frames: list[Frame], choice: MappingSettings) -> None:
     assert_same(run(frames, choice), plain(frames, choice), choice)
+
+
+@settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(frames=walks(), choice=st.sampled_from(SOFTLY))
+def test_online_map_equals_the_soft_reference_on_random_walks(frames: list[Frame], choice: MappingSettings) -> None:
+    assert_same(run(frames, choice), plain(frames, choice), choice)
+
+
+@pytest.mark.parametrize("listed", [1, 2])
+def test_partners_kept_in_mind_are_never_taken_for_all_there_are(listed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(agglomeration, "LISTED", listed)
+    rng = np.random.default_rng(3)
+    world = np.kron(np.arange(1, 13).reshape(3, 4), np.ones((6, 7), int))[:18, :26].astype(np.int32)
+    frames: list[Frame] = []
+    for _ in range(14):
+        x, y = int(rng.integers(0, 12)), int(rng.integers(0, 8))
+        depth, labels = look(world, x, y)
+        merged = rng.random(13) < 0.4
+        labels = np.where(merged[labels] & (labels > 0), 1 + labels // 4, labels + 4).astype(np.int32)
+        frames.append((depth, np.where(depth > 0, labels, 0), rng.normal(0.5, 1, (20, 3)), pose(x, y)))
+    choice = replace(SOFT, tau_soft=0.2, min_masks=1, trust=2.0)
+    assert_same(run(frames, choice), plain(frames, choice), choice)
+
+
+@pytest.mark.parametrize("consensus", ["soft", "paper"])
+@pytest.mark.parametrize("spec", ["homes:val/0", "homes:val/1", "homes:val/2", "house"])
+def test_walks_through_homes_give_the_reference_map(
+    spec: str, consensus: Consensus, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    """Real occlusion, true masks and masks as segmenters make them in turn, in small pictures of three homes and the shared house."""
+    if spec == "house":
+        spec = f"mp3d:{request.getfixturevalue('shared_scenes') / 'mp3d' / 'aws_small_house'}"
+    walk = record(SequenceSettings(spec, frames=36, width=80, height=60), folder=tmp_path / "walk")
+    rng = np.random.default_rng(5)
+    frames: list[Frame] = []
+    for frame in [walk.frame(n) for n in range(0, 36, 3)] + [walk.frame(1), walk.frame(4)]:
+        labels = np.where(frame.depth > 0, frame.instance, 0)
+        if len(frames) % 2:
+            labels = corrupt(frame.instance, frame.depth, rng, structure=walk.structure, rgb=frame.rgb)
+        features = rng.normal(size=(int(labels.max(initial=0)), 6)) + 2.0
+        frames.append((frame.depth, labels, features, frame.T_world_camera))
+    choice = MappingSettings(voxel_size=0.12, min_mask_pixels=6, min_mask_voxels=3, min_voxels=3, consensus=consensus)
+    found = run(frames, choice, walk.camera)
+    assert len(found) > 4
+    assert_same(found, plain(frames, choice, walk.camera), choice)
 
 
 @settings(max_examples=25, deadline=None)

@@ -1,7 +1,7 @@
 """RGB-D sequences of a walk through a scene, with the true instance of every pixel, kept on disk.
 
-A walk goes from place to place along shortest ways and looks around at each of them; the places are spread over the main island. When
-all have been visited it goes round again by others, so that a long walk comes back to where it was.
+A walk goes from place to place along shortest ways and looks around at each of them; the places are spread over the main island.
+When all have been visited it goes round again by others, so that a long walk comes back to where it was.
 """
 
 from __future__ import annotations
@@ -227,9 +227,14 @@ class SequenceSettings:
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def record(settings: SequenceSettings, on_frame: Callable[[int, int], None] | None = None) -> Sequence:
-    """The sequence; made once, then taken from the cache. ``on_frame`` is told (frames written, frames in all)."""
-    folder = cache_root() / "sequences" / settings.key
+def record(
+    settings: SequenceSettings, on_frame: Callable[[int, int], None] | None = None, folder: Path | None = None
+) -> Sequence:
+    """The sequence; made once, then taken from ``folder``, in the cache unless given.
+
+    ``on_frame`` is told (frames written, frames in all).
+    """
+    folder = folder or cache_root() / "sequences" / settings.key
     if not (folder / "about.json").is_file():
         partial = folder.with_name(f"{folder.name}.{os.getpid()}.tmp")
         shutil.rmtree(partial, ignore_errors=True)
