@@ -117,6 +117,7 @@ PAPER = [
     replace(SMALL, max_views=2, min_novelty=0.3, tau_thres=0.5, tau_structural=0.7, min_mask_voxels=5, tau_overlap=0.5),
     replace(SMALL, min_masks=1, min_voxels=1, tau_undersegmented=1.0, observer_start=50, top_k=2, split_distance=0.05),
     replace(SMALL, semantics="alone", tau_undersegmented=1.0),
+    replace(SMALL, observers="contained", semantics="structural", tau_structural=0.9, min_masks=1),
 ]
 SOFTLY = [
     SOFT,
@@ -163,7 +164,7 @@ def test_partners_kept_in_mind_are_never_taken_for_all_there_are(listed: int, mo
 def test_walks_through_homes_give_the_reference_map(
     spec: str, consensus: Consensus, tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
-    """Real occlusion, true masks and masks as segmenters make them in turn, in small pictures of three homes and the shared house."""
+    """Real occlusion, masks true and as segmenters make them in turn, in small pictures of three homes and the shared house."""
     if spec == "house":
         spec = f"mp3d:{request.getfixturevalue('shared_scenes') / 'mp3d' / 'aws_small_house'}"
     walk = record(SequenceSettings(spec, frames=36, width=80, height=60), folder=tmp_path / "walk")

@@ -72,7 +72,7 @@ def _fill_steps(points, masks, v, voxel, max_gap, across, down, steps):  # type:
                 steps[u] = max(1, int(np.ceil(np.sqrt(max(a, b, c, d)) / voxel)))
 
 
-@numba.njit(cache=True, error_model="numpy")
+@numba.njit(cache=True, error_model="numpy", inline="always")
 def _key(points, row, u, s, t, voxel):  # type: ignore[no-untyped-def]
     """Voxel key of the point at (s, t), 0..1, of the way across the patch from pixel u of a row on.
 

@@ -94,6 +94,7 @@ def initial_nodes(
     is_node = (segment_size > 0) & ~dropped
     # A witness that was itself under-segmented is taken back, as observer and as container.
     witness = is_node[mask] & ~((container >= 0) & dropped[container])
+    observer = witness & (container >= 0) if settings.observers == "contained" else witness
     segments = np.flatnonzero(is_node).astype(np.int32)
     node_of = np.full(n, -1, np.int32)
     node_of[segments] = np.arange(len(segments), dtype=np.int32)
@@ -102,7 +103,7 @@ def initial_nodes(
     return Nodes(
         segments,
         identity,
-        rows_by(owner, len(segments), frame, witness),
+        rows_by(owner, len(segments), frame, observer),
         rows_by(owner, len(segments), container, witness & (container >= 0)),
     )
 

@@ -171,11 +171,14 @@ def drop_undersegmented(
         split_in = observers[k] - {frame_of[c] for c in containers[k]}
         if len(split_in) > settings.tau_undersegmented * len(observers[k]):
             dropped.add(k)
-    return [
-        Node([k], observers[k] - {frame_of[c] for c in containers[k] & dropped}, containers[k] - dropped)
-        for k in range(len(recording.masks))
-        if k not in dropped
-    ]
+    nodes = []
+    for k in range(len(recording.masks)):
+        witnesses = observers[k] - {frame_of[c] for c in containers[k] & dropped}
+        if settings.observers == "contained":
+            witnesses = {frame_of[c] for c in containers[k] - dropped}
+        if k not in dropped:
+            nodes.append(Node([k], witnesses, containers[k] - dropped))
+    return nodes
 
 
 def observer_schedule(nodes: list[Node], settings: MappingSettings) -> list[int]:

@@ -13,6 +13,7 @@ from typing import Literal, get_args
 Consensus = Literal["soft", "paper"]
 Semantics = Literal["calibrated", "product", "structural", "alone"]
 Visibility = Literal["labelled", "depth"]
+Observers = Literal["visible", "contained"]
 
 
 @dataclass(frozen=True)
@@ -50,6 +51,9 @@ class MappingSettings:
         Soft: the factor, at least 1, by which features that are sure of themselves raise or lower R_struc; 1 = no heed.
     tau_obs : float
         A frame observes a mask if more than this share of the mask's voxels is in V_t. Paper: 0.3.
+    observers : {"visible", "contained"}
+        Paper: frames that see more than tau_obs of a mask (the paper's words), or only those of them in which one mask contains it
+        (code of both ancestors).
     tau_sub : float
         A frame's mask contains another if it holds at least this share of the visible voxels. Paper: 0.8. Above 0.5, so that
         at most one mask of a frame contains another.
@@ -95,6 +99,7 @@ class MappingSettings:
     min_vote: float = 0.3
     trust: float = 1.3
     tau_obs: float = 0.3
+    observers: Observers = "visible"
     tau_sub: float = 0.8
     tau_thres: float = 0.6
     tau_structural: float = 0.8
@@ -141,7 +146,11 @@ class MappingSettings:
             self._require(name, lambda x: 0 < x <= 1, "above 0 and at most 1")
         self._require("tau_sub", lambda x: 0.5 < x <= 1, "above 0.5 and at most 1")
         self._require("observer_start", lambda x: 0 <= x <= 100, "a percentile, 0..100")
-        for name, choices in (("semantics", get_args(Semantics)), ("consensus", get_args(Consensus))):
+        for name, choices in (
+            ("semantics", get_args(Semantics)),
+            ("consensus", get_args(Consensus)),
+            ("observers", get_args(Observers)),
+        ):
             self._require(name, lambda x, choices=choices: x in choices, f"one of {', '.join(choices)}")
         self._require("visibility", lambda x: x in ("labelled", "depth"), "labelled or depth")
         if self.tau_structural < self.tau_thres:
