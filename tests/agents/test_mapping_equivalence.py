@@ -248,6 +248,25 @@ def test_walls_of_two_things_become_two_instances() -> None:
     assert float(left.aabb_max[0]) < float(right.aabb_min[0])
 
 
+def test_shares_find_things_that_no_mask_ever_saw_whole_and_that_many_masks_span() -> None:
+    """Hand-made: one of two things is seen in halves that move, and in a third of the frames one mask spans both."""
+    world = np.full((18, 26), 1, np.int32)
+    world[:, 13:] = 2
+    frames: list[Frame] = []
+    for k, x in enumerate([3, 4, 5, 6, 7, 8, 7, 6, 5, 4, 3, 5]):
+        depth, labels = look(world, x, 3)
+        columns = x + np.arange(WIDTH)
+        cut = np.where((labels == 2) & (columns[None, :] >= 15 + k % 3), 3, labels)
+        frames.append((depth, np.where(labels > 0, 1, 0) if k % 3 == 0 else cut, None, pose(x, 3)))
+    found = run(frames, replace(SOFT, tau_soft=0.4))
+    assert len(found) == 2
+    left, right = sorted(found.instances, key=lambda i: float(i.centre[0]))
+    edge = 13 * VOXEL + 0.013 - (WIDTH - 1) / 2 * VOXEL
+    assert abs(float(left.aabb_max[0]) - edge) < 1.5 * VOXEL
+    assert abs(float(right.aabb_min[0]) - edge) < 1.5 * VOXEL
+    assert len(run(frames, SMALL)) != 2, "the yes and no of the paper is enough for these frames"
+
+
 def test_features_part_what_structure_would_join() -> None:
     """Two frames of three see a picture as part of its wall: structure alone joins them, features that differ do not."""
     choice = replace(SMALL, tau_structural=0.6, tau_undersegmented=0.5)
