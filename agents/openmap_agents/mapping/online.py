@@ -11,8 +11,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from openmap_agents.mapping.agglomeration import agglomerate, nodes_of_masks
-from openmap_agents.mapping.consensus import Nodes, Rows, initial_nodes, rows_by
+from openmap_agents.mapping.consensus import Nodes, initial_nodes
 from openmap_agents.mapping.consensus import cluster as cluster_by_rounds
 from openmap_agents.mapping.frame import FrameVoxels, check_frame, frame_voxels
 from openmap_agents.mapping.geometry import mark_structure
@@ -22,6 +21,7 @@ from openmap_agents.mapping.instances import Piece, drop_overlapping, elected_pi
 from openmap_agents.mapping.segments import Columns, Segments
 from openmap_agents.mapping.semantics import COSINE_STEPS, CosineStatistics, semantic_weight, soft_weight
 from openmap_agents.mapping.settings import MappingSettings
+from openmap_agents.mapping.soft_clusters import SoftClusters
 from openmap_agents.mapping.voxel_store import VoxelStore
 from openmap_scenes import PinholeCamera
 
@@ -48,7 +48,8 @@ class OpenMapper:
         self._calls = 0
         self._map: InstanceMap | None = None
         self._pieces: dict[bytes, list[Piece]] = {}
-        self._identities = Identities()
+        self._identities, self._clusters = Identities(), SoftClusters()
+        self._is_final = False
 
     @property
     def n_frames(self) -> int:
@@ -173,20 +174,25 @@ class OpenMapper:
 
     @property
     def instance_map(self) -> InstanceMap:
-        """The map of all frames so far; computed when asked for, and kept until the next frame that is used."""
+        """The map of all frames so far; computed when asked for, and kept until the next frame that is used.
+
+        With the soft consensus, what no frame has touched since the map was last asked for stays as it was (``soft_clusters.py``).
+        """
         if self._map is None:
-            self._map = self._build()
+            self._map, self._is_final = self._build(afresh=False), self.settings.consensus == "paper"
         return self._map
 
     def finalize(self) -> InstanceMap:
-        """The map of all frames: what ``reference.reference_map`` gives. More frames may follow."""
-        return self.instance_map
+        """The map of all frames, exactly what the reference gives, asked on the way or not. More frames may follow."""
+        if self._map is None or not self._is_final:
+            self._map, self._is_final = self._build(afresh=True), True
+        return self._map
 
-    def _build(self) -> InstanceMap:
+    def _build(self, afresh: bool) -> InstanceMap:
         segments, settings = self._segments, self.settings
         if segments.n == 0:
             return InstanceMap(voxel_size=settings.voxel_size)
-        pieces, observers = self._soft_pieces() if settings.consensus == "soft" else self._paper_pieces()
+        pieces, observers = self._soft_pieces(afresh) if settings.consensus == "soft" else self._paper_pieces()
         kept = drop_overlapping(pieces, self._store.n_voxels, settings)
         ids = self._identities.assign([pieces[i].members for i in kept], segments.size, self._calls)
         instances = [self._instance(pieces[i], observers[i], new_id) for i, new_id in zip(kept, ids, strict=True)]
@@ -196,16 +202,11 @@ class OpenMapper:
             history=self._identities.history,
         )
 
-    def _soft_pieces(self) -> tuple[list[Piece], list[int]]:
-        """Pieces of all clusters, and how many frames hold some of the masks of each."""
-        segments, settings = self._segments, self.settings
-        masks = np.flatnonzero(segments.size > 0).astype(np.int32)
-        nodes = nodes_of_masks(masks, self._overlaps.columns, segments.features)
-        weight = soft_weight(settings, self._same, self._different)
-        cluster = agglomerate(nodes, segments.frame, segments.n_frames, weight, settings.min_share, settings.doubt)
-        clusters = rows_by(cluster, int(cluster.max(initial=-1)) + 1, masks, np.ones(len(masks), np.bool_))
-        pieces, origin = elected_pieces(clusters, segments, self._store, settings)
-        observing = _observing_frames(cluster, nodes.counts, segments.frame, len(clusters))
+    def _soft_pieces(self, afresh: bool) -> tuple[list[Piece], list[int]]:
+        """Pieces of all clusters, and how many frames observe the cluster of each."""
+        weight = soft_weight(self.settings, self._same, self._different)
+        clusters, observing = self._clusters.update(self._segments, self._overlaps, weight, self.settings, afresh)
+        pieces, origin = elected_pieces(clusters, self._segments, self._store, self.settings)
         return pieces, [int(observing[c]) for c in origin]
 
     def _paper_pieces(self) -> tuple[list[Piece], list[int]]:
@@ -253,14 +254,6 @@ class OpenMapper:
             views=views.astype(np.int32),
             colour=colour,
         )
-
-
-def _observing_frames(cluster: IntArray, counts: Rows, segment_frame: IntArray, n: int) -> npt.NDArray[np.int64]:
-    """How many frames observe a mask of each of n clusters."""
-    of_entry = np.repeat(cluster, np.diff(counts.start)).astype(np.int64)
-    span = int(segment_frame.max(initial=0)) + 1
-    pairs = np.unique(of_entry * span + segment_frame[counts.values])
-    return np.bincount(pairs // span, minlength=n)
 
 
 def _rounded(cosines: npt.NDArray[np.floating]) -> npt.NDArray[np.floating]:
