@@ -212,9 +212,12 @@ def _locked(folder: Path) -> int:
     while True:
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
-        except FileNotFoundError:
-            continue  # the folder was removed between the two
+            try:
+                handle = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+            except FileNotFoundError:
+                if path.is_symlink():
+                    raise  # it leads nowhere, now and later
+                continue  # the folder was removed between the two
         except OSError as error:
             raise DataError(folder, f"no way to write to it ({error.strerror})", "a folder to keep frames in") from None
         if not _got(handle):
