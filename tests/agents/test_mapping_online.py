@@ -97,11 +97,20 @@ BAD: list[tuple[str, dict[str, Any], str]] = [
     ("a pose with NaN", {"T_world_camera": np.where(np.eye(4) > 0, np.nan, 0)}, "not finite"),
     ("a pose of another shape", {"T_world_camera": np.eye(3)}, r"shape \(3, 3\)"),
     ("a pose that scales", {"T_world_camera": np.diag([2.0, 2, 2, 1])}, "not a rigid transform"),
-    ("a pose beyond all houses", {"T_world_camera": pose(1e9)}, "within 10 km"),
+    ("a pose beyond all houses", {"T_world_camera": pose(1e9)}, "within 5 km"),
+    ("a pose that mirrors", {"T_world_camera": np.diag([1.0, 1, -1, 1])}, "not a rigid transform"),
+    ("a label that tables have no room for", {"masks": np.full((48, 64), 2**31 - 1)}, "masks hold 2147483647"),
+    (
+        "a label that wraps round in 32 bits",
+        {"masks": np.full((48, 64), 2**32 + 1), "features": None},
+        "masks hold 429",
+    ),
+    ("a picture that is no numbers", {"rgb": np.full((48, 64, 3), "x")}, "expected uint8"),
+    ("a picture of floats", {"rgb": np.full((48, 64, 3), 0.5)}, "rgb is float64 .*expected uint8"),
     ("fewer features than masks", {"features": np.ones((5, 3))}, "label 7.* 1..5"),
     ("features of one dimension", {"features": np.ones(9)}, r"expected numbers of shape \(n, D\)"),
     ("features of another length", {"features": np.ones((9, 4))}, "4 dimensions, expected 3"),
-    ("a picture of another size", {"rgb": np.zeros((2, 2, 3), np.uint8)}, "rgb is of shape"),
+    ("a picture of another size", {"rgb": np.zeros((2, 2, 3), np.uint8)}, r"rgb is uint8 of shape \(2, 2, 3\)"),
 ]
 
 
@@ -229,7 +238,8 @@ def test_the_soft_weight_tips_scales_within_its_trust_and_lets_only_a_good_encod
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("voxel_size", 0.0), ("consensus", "hard"), ("trust", 0.5), ("tau_soft", 0.0), ("min_vote", -1.0), ("doubt", -1.0),
+    [("voxel_size", 0.0), ("voxel_size", 1e-9), ("voxel_size", 1e9), ("max_depth", 1e30),
+     ("consensus", "hard"), ("trust", 0.5), ("tau_soft", 0.0), ("min_vote", -1.0), ("doubt", -1.0),
      ("voxel_size", float("nan")), ("tau_sub", 0.5), ("tau_obs", 1.5), ("min_masks", 0),
      ("semantics", "magic"), ("visibility", "all"), ("tau_structural", 0.3), ("top_k", 2.5)],
 )  # fmt: skip

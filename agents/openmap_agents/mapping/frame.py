@@ -16,6 +16,11 @@ from openmap_agents.mapping.back_projection import BITS, GRID_OFFSET, HALF, owne
 from openmap_agents.mapping.settings import MappingSettings
 from openmap_scenes import PinholeCamera
 
+MOST_LABEL = (1 << 20) - 1
+"""Highest label of a mask: tables are as long as labels are high."""
+FARTHEST = 5000.0
+"""How far from the origin a camera may stand, m: voxels of the smallest size have numbers up to there."""
+
 
 @dataclass(frozen=True)
 class FrameVoxels:
@@ -72,16 +77,22 @@ def check_frame(
         raise ValueError(
             f"T_world_camera is {what}, expected a finite 4 x 4 matrix; skip frames whose tracking was lost"
         )
-    if not np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-3) or not np.allclose(T[3], (0, 0, 0, 1)):
+    rotation = T[:3, :3]
+    orthogonal = np.allclose(rotation @ rotation.T, np.eye(3), atol=1e-3)
+    if not orthogonal or np.linalg.det(rotation) < 0 or not np.allclose(T[3], (0, 0, 0, 1)):
         raise ValueError("T_world_camera is not a rigid transform, expected a rotation, a translation and 0 0 0 1")
-    if np.abs(T[:3, 3]).max() > 10_000:
-        raise ValueError(f"T_world_camera lies at {T[:3, 3]} m, expected within 10 km of the origin")
-    if masks_.size and int(masks_.min()) < 0:
-        raise ValueError(f"masks hold {masks_.min()}, expected labels of 0 (none) and above")
+    if np.abs(T[:3, 3]).max() > FARTHEST:
+        raise ValueError(f"T_world_camera lies at {T[:3, 3]} m, expected within {FARTHEST / 1000:g} km of the origin")
+    if int(masks_.min()) < 0 or int(masks_.max()) > MOST_LABEL:
+        wrong = masks_.min() if int(masks_.min()) < 0 else masks_.max()
+        raise ValueError(f"masks hold {wrong}, expected labels of 0 (none) to {MOST_LABEL}")
     features_ = None if features is None else _check_features(np.asarray(features), int(masks_.max()))
-    if rgb is not None and np.shape(rgb) != (*shape, 3):
-        raise ValueError(f"rgb is of shape {np.shape(rgb)}, expected {(*shape, 3)}")
-    return np.ascontiguousarray(depth_, np.float32), np.ascontiguousarray(masks_, np.int32), features_, T
+    if rgb is not None and (np.shape(rgb) != (*shape, 3) or np.asarray(rgb).dtype != np.uint8):
+        found = f"{np.asarray(rgb).dtype} of shape {np.shape(rgb)}"
+        raise ValueError(f"rgb is {found}, expected uint8 of shape {(*shape, 3)}")
+    with np.errstate(over="ignore"):  # it becomes infinite, which is no reading
+        depth_ = np.ascontiguousarray(depth_, np.float32)
+    return depth_, np.ascontiguousarray(masks_, np.int32), features_, T
 
 
 def _check_features(features: npt.NDArray[np.generic], max_label: int) -> npt.NDArray[np.float32]:

@@ -23,9 +23,9 @@ class MappingSettings:
     Parameters
     ----------
     voxel_size : float
-        Edge of a voxel, m. Code: 0.03; ours: 0.04, half as many voxels for boxes that differ by under a centimetre.
+        Edge of a voxel, 0.005 to 1 m. Code: 0.03; ours: 0.04, half as many voxels for boxes that differ by under a centimetre.
     max_depth : float
-        Readings beyond it are ignored, m. Code: 20; ours: 10, where one pixel of a small picture outgrows a voxel.
+        Readings beyond it are ignored, up to 100 m. Code: 20; ours: 10, where one pixel of a small picture outgrows a voxel.
     max_gap : float
         A surface is filled between neighbouring pixels of one mask up to this far apart, m; 0 = not at all. Ours, for small
         pictures: a pixel of a 128 pixel wide picture is 5 cm at 3 m.
@@ -118,8 +118,10 @@ class MappingSettings:
 
     def __post_init__(self) -> None:
         self._require("max_gap", lambda x: 0 <= x < 1, "at least 0 and below 1")
-        for name in ("voxel_size", "max_depth", "split_distance"):
-            self._require(name, lambda x: math.isfinite(x) and x > 0, "finite and positive")
+        # Below it, surfaces that are filled take gigabytes and numbers of voxels do not suffice.
+        self._require("voxel_size", lambda x: 0.005 <= x <= 1, "within 0.005..1")
+        self._require("max_depth", lambda x: 0 < x <= 100, "above 0 and at most 100")
+        self._require("split_distance", lambda x: math.isfinite(x) and x > 0, "finite and positive")
         for name in (
             "min_mask_pixels",
             "min_mask_voxels",
