@@ -135,11 +135,12 @@ def _build(
     # Counting gives instances their ids, so it is done at the same frames whoever watches.
     total = len(recording)
     counted_at = {total * k // _LOOKS for k in range(1, _LOOKS)}
-    instances, usable = None, 0
+    instances, usable, nearest = None, 0, np.inf
     for n, frame in enumerate(recording):
         has_depth, kept, times = bool((frame.depth > 0).any()), False, [time.perf_counter()] * 3
         if has_depth:
             usable += 1
+            nearest = min(nearest, float(frame.depth[frame.depth > 0].min()))
             masks, features, kept = see(n, frame)
             times[1] = time.perf_counter()
             mapper.integrate(
@@ -155,6 +156,9 @@ def _build(
             on_frame(FrameReport(n + 1, total, frame.index, has_depth, kept, *spent, instances, T))
     if not usable:
         raise DataError(recording.name, f"{total} frames without any depth", "at least one with depth")
+    if nearest > settings.max_depth:
+        found, expected = f"no depth below {nearest:.6g} m", f"some within max_depth, {settings.max_depth:g} m"
+        raise DataError(recording.name, found, expected, "Check the unit of depth (depth_scale) and max_depth.")
     return Naming(see.encoder, made_by).finish(mapper.finalize(), colours)
 
 

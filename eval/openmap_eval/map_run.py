@@ -170,7 +170,9 @@ def print_map(console: Console, instance_map: InstanceMap) -> None:
     """How many instances there are of each label, and the biggest things."""
     shown = things(instance_map)
     if not shown:
-        console.print("no thing was found: fewer than two masks of anything, or masks without depth")
+        console.print(
+            "no thing was found: fewer than two frames agree on anything; check the unit of depth, the poses and their axes"
+        )
         return
     structure = len(instance_map) - len(shown)
     counts = sorted(Counter(i.label for i in shown).items(), key=lambda item: (-item[1], item[0]))

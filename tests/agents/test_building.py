@@ -104,6 +104,12 @@ def test_a_recording_without_any_depth_is_an_error(tmp_path: Path, seer: ByColou
         build(blind, seer)
 
 
+def test_a_recording_with_depth_beyond_reach_says_how_far_it_is(walk: Recording, seer: ByColour):
+    nearest = min(float(frame.depth[frame.depth > 0].min()) for frame in walk if (frame.depth > 0).any())
+    with pytest.raises(DataError, match=rf"no depth below {nearest:.4g}\d* m.*depth_scale"):
+        build(walk, seer, settings=MappingSettings(max_depth=nearest / 2))
+
+
 def test_a_part_without_frames_is_an_error(walk: Recording, seer: ByColour):
     with pytest.raises(DataError, match="no frame to use, 1 without a pose"):
         build(subsampled(walk, first=99), seer)
@@ -179,6 +185,18 @@ def test_one_process_at_a_time(tmp_path: Path):
     with KeptFrames(tmp_path / "kept") as keep:
         keep.remove()
     assert not (tmp_path / "kept").exists()
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="needs a place where no folder can be made, for root too")
+def test_a_place_where_no_folder_can_be_made_is_one_error():
+    with pytest.raises(DataError, match="no way to write to it"):
+        KeptFrames("/proc/openmap/kept")
+
+
+def test_a_lock_that_leads_nowhere_is_one_error(tmp_path: Path):
+    (tmp_path / "lock").symlink_to(tmp_path / "nowhere" / "lock")
+    with pytest.raises(DataError, match="no way to write to it"):
+        KeptFrames(tmp_path)
 
 
 def test_removing_spares_the_files_of_others(tmp_path: Path, walk: Recording, seer: ByColour):
