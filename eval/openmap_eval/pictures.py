@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import colorsys
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,7 @@ from PIL import Image
 from openmap_agents.exploration.occupancy import FREE, OCCUPIED, OccupancyMap
 from openmap_agents.grounding.lexicon import STRUCTURE
 from openmap_agents.mapping import InstanceMap, MapInstance
+from openmap_agents.mapping.whole_file import write_whole_file
 
 Picture = npt.NDArray[np.uint8]
 """(h, w, 3) uint8 sRGB."""
@@ -282,7 +284,7 @@ def titled(picture: Picture, title: str) -> Picture:
 
 
 def write_png(path: Path, picture: Picture) -> None:
-    """Write a picture under a temporary name, then rename it."""
-    temporary = path.with_name(path.name + ".tmp")
-    Image.fromarray(picture).save(temporary, format="PNG")
-    temporary.replace(path)
+    """Write a picture under a temporary name, then rename it; DataError where it cannot be written."""
+    data = io.BytesIO()
+    Image.fromarray(picture).save(data, format="PNG")
+    write_whole_file(path, data.getvalue())

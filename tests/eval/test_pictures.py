@@ -2,10 +2,22 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
+import pytest
 
 from openmap_agents.mapping import InstanceMap, MapInstance
-from openmap_eval.pictures import Plan, draw_instances, heat_picture, instance_colour, map_picture, mask_picture
+from openmap_eval.pictures import (
+    Plan,
+    draw_instances,
+    heat_picture,
+    instance_colour,
+    map_picture,
+    mask_picture,
+    write_png,
+)
+from openmap_scenes import DataError
 
 
 def block(instance_id: int, x: float, z: float) -> MapInstance:
@@ -43,6 +55,13 @@ def test_the_best_fit_is_the_brightest():
 
 def test_an_empty_map_still_makes_a_picture():
     assert map_picture(InstanceMap(), {}).shape[2] == 3
+
+
+def test_a_picture_that_cannot_be_written_is_one_error_and_leaves_nothing(tmp_path: Path):
+    (tmp_path / "map.png").mkdir()
+    with pytest.raises(DataError, match=r"map\.png: found no way to write it"):
+        write_png(tmp_path / "map.png", np.zeros((4, 4, 3), np.uint8))
+    assert [p.name for p in tmp_path.iterdir()] == ["map.png"]
 
 
 def test_masks_are_tinted_and_the_rest_is_left_alone():
