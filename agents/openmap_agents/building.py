@@ -143,9 +143,12 @@ def _build(
             nearest = min(nearest, float(frame.depth[frame.depth > 0].min()))
             masks, features, kept = see(n, frame)
             times[1] = time.perf_counter()
-            mapper.integrate(
-                frame.depth, masks.labels, features if len(masks) else None, frame.T_world_camera, frame.rgb
-            )
+            try:
+                mapper.integrate(
+                    frame.depth, masks.labels, features if len(masks) else None, frame.T_world_camera, frame.rgb
+                )
+            except ValueError as error:
+                raise DataError(recording.name, f"frame {frame.index}: {error}", "frames that can be mapped") from error
             colours.add(frame.rgb, masks)
             times[2] = time.perf_counter()
         if n + 1 in counted_at:

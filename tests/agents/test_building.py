@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from pathlib import Path
 
@@ -108,6 +109,24 @@ def test_a_recording_with_depth_beyond_reach_says_how_far_it_is(walk: Recording,
     nearest = min(float(frame.depth[frame.depth > 0].min()) for frame in walk if (frame.depth > 0).any())
     with pytest.raises(DataError, match=rf"no depth below {nearest:.4g}\d* m.*depth_scale"):
         build(walk, seer, settings=MappingSettings(max_depth=nearest / 2))
+
+
+def test_a_frame_that_cannot_be_mapped_is_named(walk: Recording, seer: ByColour):
+    class FarAway:
+        """The same walk, with a pose that no tracking gives at its fourth frame."""
+
+        name, camera, skipped = walk.name, walk.camera, walk.skipped
+
+        def __len__(self):
+            return len(walk)
+
+        def __iter__(self):
+            for n, frame in enumerate(walk):
+                T_world_camera = frame.T_world_camera + np.array([[9e3], [0], [0], [0]]) * [0, 0, 0, n == 3]
+                yield dataclasses.replace(frame, T_world_camera=T_world_camera)
+
+    with pytest.raises(DataError, match=rf"{walk.name}.*frame 3: T_world_camera lies at"):
+        build(FarAway(), seer)
 
 
 def test_a_part_without_frames_is_an_error(walk: Recording, seer: ByColour):

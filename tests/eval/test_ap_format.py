@@ -277,3 +277,13 @@ def test_proposals_round_trip(tmp_path: Path) -> None:
     assert [(p.indices.tolist(), p.confidence, p.category) for p in read] == [
         (p.indices.tolist(), p.confidence, p.category) for p in made
     ]
+
+
+def test_a_truth_that_is_not_there_is_called_a_missing_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    InstanceMap([MapInstance(1, two_things().points[:200], None, label="chair")], voxel_size=VOXEL).save(
+        tmp_path / "m.npz"
+    )
+    with pytest.raises(SystemExit) as stopped:
+        main(["ap", str(tmp_path / "m.npz"), "--truth", "nope.npz"])
+    assert stopped.value.code == 2
+    assert "nope.npz: found no such file" in " ".join(capsys.readouterr().out.split())

@@ -15,7 +15,7 @@ from openmap_agents.perception.scannet200 import category_number
 from openmap_eval.ap.format import cloud_of_scene, read_proposals, read_truth
 from openmap_eval.ap.protocol import LabelledCloud, Proposal
 from openmap_eval.ap.transfer import proposals_of_map
-from openmap_scenes import DataError, load_scene
+from openmap_scenes import DataError, Scene, load_scene
 from openmap_scenes.formats.scannet import MESH
 
 
@@ -56,7 +56,7 @@ class Sources:
         if not self.predictions.exists():
             raise DataError(self.predictions, "nothing there", "a map, or a folder of predictions")
         if not Path(self.truth).is_dir():
-            return [scan_name(self.truth) if Path(self.truth).is_file() else load_scene(self.truth).name]
+            return [scan_name(self.truth) if Path(self.truth).is_file() else _scene(self.truth).name]
         known = set(_files(Path(self.truth)))
         if not known:
             raise DataError(self.truth, "neither .txt nor .npz", "the truth of each scan")
@@ -112,14 +112,14 @@ class Sources:
             path = _files(path)[scan]
         if path.is_file():
             return read_truth(path, self._points(scan) if self.points and path.suffix != ".npz" else None)
-        return cloud_of_scene(load_scene(self.truth))
+        return cloud_of_scene(_scene(self.truth))
 
     def _points(self, scan: str) -> npt.NDArray[np.float32]:
         path = Path(str(self.points))
         if path.is_file():
             return read_points(path)
         if not path.is_dir():
-            return load_scene(str(self.points)).vertices
+            return _scene(str(self.points)).vertices
         names = [f"{scan}.npz", f"{scan}.ply", f"{scan}{MESH}", f"{scan}/{scan}{MESH}"]
         for name in names:
             if (path / name).is_file():
@@ -137,3 +137,10 @@ def _predicted(folder: Path) -> dict[str, Path]:
     """Predictions by scan: maps, or ``<scan>.txt`` of the prediction format."""
     maps = {scan_name(p): p for p in sorted(folder.glob("*.npz")) if not p.name.startswith(".")}
     return maps or {scan: folder / f"{scan}.txt" for scan in list_scans(folder)}
+
+
+def _scene(spec: str) -> Scene:
+    """A scene of the catalogue; a name without a kind is taken for a file that is not there."""
+    if ":" not in spec:
+        raise DataError(spec, "no such file or folder", "one, or a scene of the catalogue such as homes:val/0")
+    return load_scene(spec)
