@@ -34,6 +34,12 @@ def _lab(rgb: npt.ArrayLike) -> npt.NDArray[np.float64]:
 _LAB = {word: _lab(typical) for word, typical in _TYPICAL.items()}
 
 
+def typical(word: str) -> npt.NDArray[np.uint8] | None:
+    """The colour (3,) uint8 that a word names first; None for a word that names none."""
+    found = _TYPICAL.get(word)
+    return None if found is None else np.array(found[0], np.uint8)
+
+
 def colour_fits(rgb: npt.NDArray[np.uint8] | None) -> dict[str, float]:
     """How well every colour word describes a mean colour (3,), 1 for the best; ``UNKNOWN`` for all where there is none."""
     if rgb is None:
