@@ -1,6 +1,7 @@
 """The command line.
 
-``openmap eval | eval perception | eval mapping | demo | map | query | export | ap | scenes | episodes | bench | train perception``.
+``openmap eval | eval perception | eval mapping | eval exploration | demo | map | query | export | ap | scenes | episodes | bench
+| train perception``.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from openmap_agents.perception.training.settings import Settings as PerceptionTr
 from openmap_eval.ap.command import Ap
 from openmap_eval.bench import Benchmark
 from openmap_eval.episode_commands import EpisodeCommand
+from openmap_eval.exploration.command import EvalExploration
 from openmap_eval.export_command import Export
 from openmap_eval.map_command import Map
 from openmap_eval.mapping.command import EvalMapping
@@ -154,6 +156,7 @@ Command = (
     Annotated[Eval, tyro.conf.subcommand("eval")]
     | Annotated[EvalPerception, tyro.conf.subcommand("eval perception")]
     | Annotated[EvalMapping, tyro.conf.subcommand("eval mapping")]
+    | Annotated[EvalExploration, tyro.conf.subcommand("eval exploration")]
     | Annotated[Demo, tyro.conf.subcommand("demo")]
     | Annotated[Map, tyro.conf.subcommand("map")]
     | Annotated[Query, tyro.conf.subcommand("query")]
@@ -171,13 +174,14 @@ def main(arguments: list[str] | None = None) -> None:
     logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s", stream=sys.stderr)
     console = Console()
     arguments = list(sys.argv[1:] if arguments is None else arguments)
-    if arguments[:2] in (["eval", "perception"], ["eval", "mapping"], ["train", "perception"]):
+    if arguments[:2] in (["eval", "perception"], ["eval", "mapping"], ["eval", "exploration"], ["train", "perception"]):
         # A command of its own: ``eval`` has flags, and so no commands below it.
         arguments[:2] = [" ".join(arguments[:2])]
     command: (
         Eval
         | EvalPerception
         | EvalMapping
+        | EvalExploration
         | Demo
         | Map
         | Query

@@ -91,6 +91,8 @@ class Explorer:
     goal : Goal or None
         What it goes for now.
     done : bool
+    look_around : int
+        How many actions the look around at the start takes.
     """
 
     def __init__(self, settings: ExplorerSettings | None = None, rng: np.random.Generator | None = None) -> None:
@@ -103,6 +105,7 @@ class Explorer:
         self._camera: PinholeCamera | None = None
         self._places: list[tuple[float, float, float]] = []
         self._queue = self._look_around()
+        self.look_around = len(self._queue)
         self._ways: Ways | None = None
         self._age = 0
         self._still = False
