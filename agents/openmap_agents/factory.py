@@ -13,10 +13,11 @@ from openmap_agents.agent import Agent
 from openmap_agents.perception import is_oracle, make_perception, resolve
 
 if TYPE_CHECKING:
+    from openmap_agents.baselines.oracle_map import OracleMapAgent
     from openmap_agents.openmap_agent import OpenMapAgent, OpenMapAgentSettings
     from openmap_env.env import OpenMapNavEnv
 
-AGENTS = ("openmap", "random", "stand_still", "oracle")
+AGENTS = ("openmap", "random", "stand_still", "oracle", "oracle_map")
 LEARNED = "ppo:"
 """Before the path of a policy that ``openmap_agents.training`` wrote."""
 
@@ -37,7 +38,8 @@ def make_agent(
 
     Parameters
     ----------
-    name : {"openmap", "random", "stand_still", "oracle"} or "ppo:<policy.safetensors>"
+    name : {"openmap", "random", "stand_still", "oracle", "oracle_map"} or "ppo:<policy.safetensors>"
+        oracle knows the targets; oracle_map knows all instances and what they are called, and grounds as openmap does.
     env : gym.Env
         An ``OpenMapNavEnv``, wrapped or not. The openmap agent takes the camera, the sizes of the actions and the step limit
         from it, and looks at nothing else of it unless the segmenter or the encoder is an oracle.
@@ -45,9 +47,9 @@ def make_agent(
         For openmap: ``openmap_agents.perception`` has the specs. The first is for both, the others override it. With an
         oracle the agent is for the scene at hand alone, and its figures are for analysis.
     llm : str
-        For openmap: a spec for ``openmap_agents.grounding.make_llm``.
+        For openmap and oracle_map: a spec for ``openmap_agents.grounding.make_llm``.
     protocol : {"retrieval", "navigation"}
-        For openmap.
+        For openmap and oracle_map.
     seed : int
     settings : OpenMapAgentSettings or None
         For openmap; the environment's camera, action sizes and step limit, and ``protocol``, are put into them.
@@ -73,6 +75,8 @@ def make_agent(
 
     if name == "oracle":
         return OracleAgent(_bare(env))
+    if name == "oracle_map":
+        return _oracle_map(_bare(env), llm, protocol)
     return RandomAgent(rng) if name == "random" else StandStillAgent()
 
 
@@ -83,6 +87,15 @@ def _bare(env: gym.Env[Any, Any]) -> OpenMapNavEnv:
     if not isinstance(bare, OpenMapNavEnv):
         raise ValueError(f"env is a {type(bare).__name__}, expected an OpenMapNavEnv")
     return bare
+
+
+def _oracle_map(env: OpenMapNavEnv, llm: str, protocol: Literal["retrieval", "navigation"]) -> OracleMapAgent:
+    from openmap_agents.baselines.oracle_map import OracleMapAgent
+    from openmap_agents.grounding import Grounder
+    from openmap_agents.perception.text import TextEncoder
+
+    encoder = TextEncoder()
+    return OracleMapAgent(env, Grounder(llm, encoder=encoder), encoder, walks=protocol == "navigation")
 
 
 def _openmap(

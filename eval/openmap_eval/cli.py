@@ -45,7 +45,8 @@ class Eval:
     """How many for each scene: the benchmark's, evenly over their kinds, or generated where a scene has none of those.
     Or a file or folder of episodes (R2R-CE, ObjectNav, VLMaps, own JSONL)."""
     agent: str = "openmap"
-    """openmap, random, stand_still, oracle, or ppo:<policy.safetensors> for what openmap_agents.training learned."""
+    """openmap, random, stand_still, oracle, oracle_map (true map, own grounding), or ppo:<policy.safetensors> for
+    what openmap_agents.training learned."""
     perception: str = "embedded"
     """Segmenter and encoder: embedded (from pixels), precomputed:<folder>, or oracle (the renderer's ids and names, right or
     with noise: oracle:split=.1,merge=.05,drop=.1,boundary=2,features=.3,names=.1,seed=0; for analysis only)."""

@@ -67,6 +67,8 @@ def write_report(
 
 def oracle_note(settings: Mapping[str, Any]) -> str:
     """What of a run was read from the simulator instead of perceived; empty where nothing was."""
+    if settings["agent"] == "oracle_map":
+        return "the agent's map comes from the simulator, not from pixels."
     if settings["agent"].startswith("oracle"):
         return "the agent reads the answers from the simulator."
     told = [

@@ -50,6 +50,29 @@ def test_the_oracle_succeeds_by_every_measure(env):
     assert actions[-1] == Action.STOP
 
 
+def test_the_oracle_map_is_grounded_in_and_its_answer_is_in_the_episode_frame(env):
+    agent = make_agent("oracle_map", env)
+    actions, metrics = play(env, agent)
+    assert actions == [Action.STOP]
+    assert metrics["sr_1"] == 1.0
+    assert metrics["nav_success"] == 0.0
+    answer = agent.answer()
+    assert answer.labels[0] == "refrigerator"
+    T_world_episode = env.unwrapped.T_world_episode
+    centre = T_world_episode[:3, :3] @ answer.positions[0] + T_world_episode[:3, 3]
+    np.testing.assert_allclose(centre, env.unwrapped.episode.targets[0].centre, atol=1e-3)
+    assert sorted(answer.trace["ranking"]) == sorted(i.id for i in env.unwrapped.simulator.scene.instances)
+
+
+def test_who_has_the_oracle_map_walks_to_what_it_chose(env):
+    agent = make_agent("oracle_map", env, protocol="navigation")
+    actions, metrics = play(env, agent)
+    assert actions[-1] == Action.STOP
+    assert metrics["sr_1"] == metrics["nav_success"] == 1.0
+    assert metrics["spl"] > 0.9
+    assert play(env, agent)[0] == actions
+
+
 def test_who_stands_still_stops_at_once_and_is_not_there(env):
     actions, metrics = play(env, make_agent("stand_still", env))
     assert actions == [Action.STOP]
@@ -70,7 +93,7 @@ def test_the_random_agent_stops_as_often_as_it_says():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"name": "magic"}, "'magic'.*openmap, random, stand_still, oracle"),
+        ({"name": "magic"}, "'magic'.*openmap, random, stand_still, oracle, oracle_map"),
         ({"name": "openmap", "perception": "eyes"}, "'eyes'"),
         ({"name": "openmap", "protocol": "swim"}, "'swim'.*retrieval or navigation"),
     ],

@@ -119,6 +119,7 @@ def test_one_seed_gives_one_result(tmp_path, toy_specs):
     ("chosen", "says"),
     [
         ({"agent": "oracle"}, "the agent reads the answers"),
+        ({"agent": "oracle_map"}, "map comes from the simulator, not"),
         ({"perception": "oracle"}, "masks and names come from the simulator, not"),
         ({"perception": "oracle:drop=.1"}, "masks and names come from the simulator (noise: drop=.1), not"),
         ({"segmenter": "oracle"}, "masks come from the simulator, not"),
