@@ -11,6 +11,9 @@ from typing import Any
 
 from openmap_scenes import DataError
 
+STAGES = ("exploration", "segmentation", "association", "feature", "parse", "selection", "navigation")
+"""Where an episode's target can be lost, in the order in which it has to pass them (``attribution.py``)."""
+
 
 @dataclass(frozen=True)
 class EpisodeRecord:
@@ -29,6 +32,10 @@ class EpisodeRecord:
         All valid targets: ``{"centre": (3,) m in the episode frame, "category": str}``.
     trace : dict
         How the agent came to its answer.
+    lost_at : str or None
+        Which of ``STAGES`` lost the target; None for a success, and where nobody looked.
+    evidence : dict
+        What shows that it was this stage.
     """
 
     episode_id: str
@@ -40,6 +47,8 @@ class EpisodeRecord:
     answer: list[dict[str, Any]] = field(default_factory=list)
     targets: list[dict[str, Any]] = field(default_factory=list)
     trace: dict[str, Any] = field(default_factory=dict)
+    lost_at: str | None = None
+    evidence: dict[str, Any] = field(default_factory=dict)
 
 
 class RecordFile:

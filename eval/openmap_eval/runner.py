@@ -11,7 +11,7 @@ import json
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, cast
 
@@ -25,6 +25,7 @@ from openmap_env.env import OpenMapNavEnv
 from openmap_env.episodes import Episode
 from openmap_env.episodes.benchmark import NAME, frozen_home
 from openmap_env.episodes.source import BENCHMARK, evenly
+from openmap_eval.attribution import Attribution
 from openmap_eval.records import EpisodeRecord, RecordFile, write_json
 from openmap_eval.summary import summarise
 from openmap_scenes import DataError
@@ -96,9 +97,11 @@ def evaluate(
     on_step: StepObserver | None = None,
     on_scene_end: SceneObserver | None = None,
     on_progress: Progress | None = None,
+    attribution: bool = True,
 ) -> dict[str, Any]:
     """Run all episodes that ``out/episodes.jsonl`` does not have yet, and write ``out/summary.json``.
 
+    With ``attribution`` the record of an episode that failed says which stage lost the target (``attribution.py``).
     Returns the summary (see ``summarise``) with the settings.
 
     Raises
@@ -119,7 +122,8 @@ def evaluate(
             open_episodes = [e for e in episodes if (task.scene, e.episode_id) not in records.done]
             if not open_episodes:
                 continue
-            for record in run_scene(env, agent, open_episodes, episodes[0], settings, on_step, on_progress):
+            witness = Attribution() if attribution else None
+            for record in run_scene(env, agent, open_episodes, episodes[0], settings, on_step, on_progress, witness):
                 records.append(record)
             if on_scene_end:
                 on_scene_end(_bare(env), agent, task.scene)
@@ -202,22 +206,28 @@ def run_scene(
     settings: EvalSettings,
     on_step: StepObserver | None = None,
     on_progress: Progress | None = None,
+    witness: Attribution | None = None,
 ) -> Iterator[EpisodeRecord]:
     """Yield the record of each episode of a scene, which the environment has entered.
 
     ``first`` gives the start that all episodes share in the retrieval protocol, also when an evaluation is resumed.
     """
     shared_start = (first.start_position, first.start_heading) if settings.protocol == "retrieval" else None
+    walking: list[StepObserver] = [o for o in (witness, on_step) if o is not None]
+    # Where the walk is over there is nothing left to film; what an agent still sees by then counts as seen.
+    asking = walking if shared_start is None else walking[: witness is not None]
     if shared_start is not None:
-        _play(env, agent, first, shared_start, settings, on_step, on_progress, "exploring")
+        _play(env, agent, first, shared_start, settings, walking, on_progress, "exploring")
     for number, episode in enumerate(episodes, start=1):
         started = time.perf_counter()
-        info, answer = _play(
-            env, agent, episode, shared_start, settings, on_step if shared_start is None else None, None, ""
-        )
+        info, answer = _play(env, agent, episode, shared_start, settings, asking, None, "")
+        seconds = time.perf_counter() - started
         if on_progress:
             on_progress("answering", number, len(episodes))
-        yield _record(_bare(env), episode, info["metrics"], answer, time.perf_counter() - started)
+        bare = _bare(env)
+        record = _record(bare, episode, info["metrics"], answer, seconds)
+        lost = witness.lost_at(bare, agent, info["metrics"], answer) if witness else None
+        yield replace(record, lost_at=lost[0], evidence=lost[1]) if lost else record
 
 
 def _play(
@@ -226,7 +236,7 @@ def _play(
     episode: Episode,
     start: tuple[tuple[float, float, float], float] | None,
     settings: EvalSettings,
-    on_step: StepObserver | None,
+    observers: Sequence[StepObserver],
     on_progress: Progress | None,
     what: str,
 ) -> tuple[dict[str, Any], Answer | None]:
@@ -239,8 +249,8 @@ def _play(
     over, steps, answer = False, 0, None
     while not over:
         action = agent.act(observation)
-        if on_step:
-            on_step(_bare(env), agent, observation)
+        for observer in observers:
+            observer(_bare(env), agent, observation)
         if action == STOP:
             answer = agent.answer()
             if answer is not None:
