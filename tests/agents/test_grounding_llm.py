@@ -14,6 +14,7 @@ import numpy.typing as npt
 import pytest
 
 from openmap_agents.grounding import Grounder, Grounding, GroundingSettings, OpenAIModel, make_llm
+from openmap_agents.grounding.llm_limits import LimitedModel
 from openmap_agents.mapping.instance_map import InstanceMap, MapInstance
 
 SECRET = "sk-very-secret-0123456789"
@@ -188,7 +189,7 @@ def test_an_endpoint_that_is_silent_costs_the_budget_and_no_more(stub: Stub) -> 
     finally:
         release.set()
     assert grounding.choice == 1
-    assert "no answer in time" in grounding.trace["fallbacks"][0]["because"]
+    assert "in time" in grounding.trace["fallbacks"][0]["because"]
 
 
 def test_an_endpoint_that_drips_is_cut_off(stub: Stub) -> None:
@@ -227,9 +228,12 @@ def test_labels_reach_the_model_as_data_only(stub: Stub) -> None:
 
 def test_specs() -> None:
     assert make_llm("builtin") is None
-    model = make_llm("openai:org/name@v2@http://user:word@127.0.0.1:1/v1")
+    limited = make_llm("openai:org/name@v2@http://user:word@127.0.0.1:1/v1?token=word", cache=False)
+    assert isinstance(limited, LimitedModel)
+    model = limited.model
     assert isinstance(model, OpenAIModel)
-    assert (model.model, model.base_url) == ("org/name@v2", "http://user:word@127.0.0.1:1/v1")
+    assert (model.model, model.base_url) == ("org/name@v2", "http://user:word@127.0.0.1:1/v1?token=word")
     assert "word" not in model.name
-    with pytest.raises(ValueError, match="expected 'builtin' or"):
+    assert "word" not in limited.name
+    with pytest.raises(ValueError, match="expected 'builtin', 'openai"):
         make_llm("gpt")

@@ -1,23 +1,30 @@
 """The two questions that a language model is asked: what is wanted (parse), and which candidate is it (select).
 
-The prompts are the files in ``prompts/``, each in three parts: task definition, description criteria, output format.
-What comes from the person or from perception is data in the user message, between marks, and never part of the
-prompt.
+The prompts are the files in ``prompts/``, or in a folder of one's own, each in three parts: task definition, description criteria,
+output format. What comes from the person or from perception is data in the user message, between marks, and never part of the
+prompt: it is JSON on one line, in which neither the marks nor the control tokens of a model's chat template can stand as they are.
 """
 
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Iterator
 from dataclasses import replace
 from importlib import resources
+from pathlib import Path
 from typing import Any, cast, get_args
 
 from openmap_agents.grounding.description import Description, Kind, Relation, RelationName, Superlative, Thing
 from openmap_agents.grounding.lexicon import Lexicon, normalised
 from openmap_agents.grounding.llm import Message
 from openmap_agents.grounding.noun_phrases import SYNONYM_COST, NounPhrases
+from openmap_scenes import DataError
 
 LETTERS = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
+BEGIN, END = "CANDIDATES", "END OF CANDIDATES"
+SHORTENING = (("id", "score", "neighbours"), ("centre", "size"), ("geometry", "description"), ("colour", "similarity"))
+"""What goes first when a question is too long for a model."""
 _OPTIONAL_TEXT = {"type": ["string", "null"], "maxLength": 100}
 
 PARSE_SCHEMA: dict[str, Any] = {
@@ -59,14 +66,47 @@ PARSE_SCHEMA: dict[str, Any] = {
 }
 
 
-def _prompt(name: str) -> str:
-    return resources.files(__package__).joinpath("prompts", f"{name}.md").read_text(encoding="utf-8")
+def _prompt(name: str, folder: Path | None) -> str:
+    if folder is None:
+        return resources.files(__package__).joinpath("prompts", f"{name}.md").read_text(encoding="utf-8")
+    path = Path(folder) / f"{name}.md"
+    expected = "a prompt, text in UTF-8"
+    remedy = "A folder of prompts holds parse.md and select.md; begin with copies of those in openmap_agents/grounding/prompts."
+    try:
+        text = path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise DataError(path, error.strerror or type(error).__name__, expected, remedy) from None
+    except UnicodeDecodeError:
+        raise DataError(path, "other bytes", expected, remedy) from None
+    if not text.strip():
+        raise DataError(path, "an empty file", expected, remedy)
+    return text
 
 
-def parse_messages(instruction: str) -> list[Message]:
-    """The question "what is wanted?"."""
-    asked = json.dumps({"instruction": instruction}, ensure_ascii=False)
-    return [{"role": "system", "content": _prompt("parse")}, {"role": "user", "content": asked}]
+def check_prompts(folder: Path | None) -> None:
+    """DataError unless the folder (None: the one that belongs to this package) holds both prompts."""
+    for name in ("parse", "select"):
+        _prompt(name, folder)
+
+
+def _data(value: dict[str, Any]) -> str:
+    """One line of JSON that stays data, whatever its texts are.
+
+    Besides what JSON escapes anyway, what is not printable (line separators that are no newlines, lone surrogates) is written as
+    escapes, and so are the first letters of the marks around candidates and of control tokens such as <|im_end|> or [INST].
+    """
+    text = "".join(c if c.isprintable() else json.dumps(c)[1:-1] for c in json.dumps(value, ensure_ascii=False))
+    return re.sub(r"<|\[(?=/?[A-Z_])|[cC](?=[aA][nN][dD][iI][dD][aA][tT][eE][sS])", _escaped, text)
+
+
+def _escaped(found: re.Match[str]) -> str:
+    return f"\\u{ord(found.group()):04x}"
+
+
+def parse_messages(instruction: str, prompts: Path | None = None) -> list[Message]:
+    """The question "what is wanted?"; ``prompts`` is a folder of one's own prompts."""
+    asked = _data({"instruction": instruction})
+    return [{"role": "system", "content": _prompt("parse", prompts)}, {"role": "user", "content": asked}]
 
 
 def description_from_reply(reply: dict[str, Any], nouns: NounPhrases, lexicon: Lexicon) -> Description:
@@ -113,13 +153,34 @@ def select_schema(count: int) -> dict[str, Any]:
     }
 
 
-def select_messages(instruction: str, description: Description, candidates: list[dict[str, Any]]) -> list[Message]:
+def select_messages(
+    instruction: str, description: Description, candidates: list[dict[str, Any]], prompts: Path | None = None
+) -> list[Message]:
     """The question "which of these?"; candidates are plain JSON and stay data."""
-    lines = [
-        json.dumps({"instruction": instruction, "description": description.to_json()}, ensure_ascii=False),
-        "CANDIDATES",
-    ]
-    for letter, candidate in zip(LETTERS, candidates, strict=False):
-        lines.append(json.dumps({"letter": letter, **candidate}, ensure_ascii=False))
-    lines.append("END OF CANDIDATES")
-    return [{"role": "system", "content": _prompt("select")}, {"role": "user", "content": "\n".join(lines)}]
+    lines = [_data({"instruction": instruction, "description": description.to_json()}), BEGIN]
+    lines += [_data({"letter": letter, **candidate}) for letter, candidate in zip(LETTERS, candidates, strict=False)]
+    lines.append(END)
+    return [{"role": "system", "content": _prompt("select", prompts)}, {"role": "user", "content": "\n".join(lines)}]
+
+
+def shorter_messages(messages: list[Message]) -> Iterator[tuple[list[Message], list[str]]]:
+    """A question as it is, and then, if it has candidates, with fewer and fewer details of each; what is asked stays.
+
+    Yields
+    ------
+    messages : list of Message
+    dropped : list of str
+        The details that its candidates lack, and "description": what the instruction was parsed to.
+    """
+    yield messages, []
+    lines = messages[-1]["content"].split("\n")
+    if len(lines) < 3 or lines[1] != BEGIN or lines[-1] != END:
+        return
+    asked, candidates = json.loads(lines[0]), [json.loads(line) for line in lines[2:-1]]
+    dropped: list[str] = []
+    for step in SHORTENING:
+        dropped = [*dropped, *step]
+        first = {key: value for key, value in asked.items() if key not in dropped}
+        rest = [{key: value for key, value in entry.items() if key not in dropped} for entry in candidates]
+        content = "\n".join([_data(first), BEGIN, *map(_data, rest), END])
+        yield [*messages[:-1], {**messages[-1], "content": content}], dropped
