@@ -7,11 +7,12 @@ from types import TracebackType
 from typing import Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 
 from openmap_eval.records import EpisodeRecord
-from openmap_eval.report import KIND_NAMES, KS, ORACLE, first_answer, oracle_note, target_names
+from openmap_eval.report import KIND_NAMES, KS, ORACLE, first_answer, lost_rows, oracle_note, target_names
 
 
 class ProgressBars:
@@ -62,15 +63,17 @@ def print_answers(console: Console, records: Sequence[EpisodeRecord], oracle: bo
         label, distance = first_answer(record)
         hits = ["[green]✓[/]" if (record.metrics.get(f"sr_{k}") or 0.0) >= 1.0 else "[red]✗[/]" for k in KS]
         shown = "-" if distance is None else f"{distance:.2f} m"
-        table.add_row(record.instruction, label, target_names(record), shown, *hits)
+        said = (escape(text) for text in (record.instruction, label, target_names(record)))
+        table.add_row(*said, shown, *hits)
     console.print(table)
 
 
 def print_summary(console: Console, summary: Mapping[str, Any]) -> None:
-    """SR and SR_k by kind, with intervals."""
+    """SR and SR_k by kind, with intervals, in the navigation protocol what the walks came to, and where targets were lost."""
     oracle = oracle_note(summary["settings"])
+    said = f"Success rates [95 % interval over {summary['intervals_over']}]"
     table = Table(
-        title=("ORACLE: " + oracle) if oracle else "Success rates [95 % interval]",
+        title=escape(f"ORACLE: {oracle}\n{said}" if oracle else said),
         title_justify="left",
         pad_edge=False,
         padding=(0, 0),
@@ -79,10 +82,33 @@ def print_summary(console: Console, summary: Mapping[str, Any]) -> None:
     table.add_column("episodes", justify="right")
     for k in KS:
         table.add_column("SR" if k == 1 else f"SR_{k}", justify="right")
+    names = [f"sr_{k}" for k in KS]
+    if summary["settings"]["protocol"] == "navigation":
+        names += ["nav_success", "spl"]
+        table.add_column("stopped there", justify="right")
+        table.add_column("SPL", justify="right")
     rows = {KIND_NAMES.get(kind, kind): values for kind, values in summary["by_kind"].items()}
     rows["all"] = {"episodes": summary["episodes"], **summary["all"]}
     for kind, values in rows.items():
-        cells = [values[f"sr_{k}"] for k in KS]
-        shown = [f"{c['mean']:.2f}\n[dim]\\[{c['low']:.2f}, {c['high']:.2f}][/]" for c in cells]
+        cells = [values.get(name) for name in names]
+        shown = [f"{c['mean']:.2f}\n[dim]\\[{c['low']:.2f}, {c['high']:.2f}][/]" if c else "-" for c in cells]
         table.add_row(kind, str(values["episodes"]), *shown)
+    console.print(table)
+    print_losses(console, summary)
+
+
+def print_losses(console: Console, summary: Mapping[str, Any]) -> None:
+    """How many failed episodes of each kind each stage lost; nothing where no stage is known of any."""
+    stages, rows = lost_rows(summary)
+    if not rows:
+        return
+    table = Table(
+        title="Failed episodes, by the first stage that lost the target", title_justify="left", pad_edge=False
+    )
+    table.add_column("lost at", no_wrap=True)
+    for row in rows:
+        table.add_column(row["kind"], justify="right")
+    for k, stage in enumerate(stages):
+        table.add_row(stage, *(str(row["counts"][k] or "-") for row in rows))
+    table.add_row("failed", *(f"{sum(row['counts'])} of {row['episodes']}" for row in rows), style="bold")
     console.print(table)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import json
 import mimetypes
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,7 +11,9 @@ from typing import Any
 import jinja2
 import numpy as np
 
-from openmap_eval.records import EpisodeRecord, write_atomically
+from openmap_eval.records import STAGES, EpisodeRecord, write_atomically
+from openmap_eval.summary import lost_at
+from openmap_eval.traces import laid_out
 
 KS = (1, 4, 8, 16)
 COLUMNS = {
@@ -45,6 +46,7 @@ def write_report(
     """
     settings = summary["settings"]
     oracle = oracle_note(settings)
+    stages, lost = lost_rows(summary)
     columns = COLUMNS if settings["protocol"] == "retrieval" else COLUMNS | WALKED_COLUMNS
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("openmap_eval"), autoescape=True, undefined=jinja2.StrictUndefined
@@ -56,6 +58,9 @@ def write_report(
         summary=summary,
         columns=list(columns.values()),
         rows=_rows(summary, columns),
+        drawn=summary.get("intervals_over", "scenes" if len(summary["scenes"]) > 1 else "episodes"),
+        stages=stages,
+        lost=lost,
         ks=[f"@{k}" for k in KS],
         episodes=[_episode(record) for record in records],
         maps=_pictures(maps),
@@ -100,6 +105,22 @@ def target_names(record: EpisodeRecord) -> str:
     return ", ".join(name if n == 1 else f"{name} × {n}" for name, n in counted.items())
 
 
+def lost_rows(summary: Mapping[str, Any]) -> tuple[list[str], list[dict[str, Any]]]:
+    """The stages, and a row for each kind with how many failed episodes each of them lost; no rows where no stage is known."""
+    lost = summary.get("lost_at")
+    if not lost or not any(lost["all"].get(stage) for stage in STAGES):
+        return [], []
+    stages = list(lost["all"])
+    groups = {
+        KIND_NAMES.get(kind, kind): (values, lost["by_kind"][kind]) for kind, values in summary["by_kind"].items()
+    }
+    groups["all"] = (summary, lost["all"])
+    return stages, [
+        {"kind": kind, "episodes": values["episodes"], "counts": [counts.get(stage, 0) for stage in stages]}
+        for kind, (values, counts) in groups.items()
+    ]
+
+
 def _rows(summary: Mapping[str, Any], columns: Mapping[str, str]) -> list[dict[str, Any]]:
     groups = {KIND_NAMES.get(kind, kind): values for kind, values in summary["by_kind"].items()}
     groups["all"] = {"episodes": summary["episodes"], **summary["all"]}
@@ -121,7 +142,9 @@ def _episode(record: EpisodeRecord) -> dict[str, Any]:
         "target": target_names(record),
         "distance": "-" if distance is None else f"{distance:.2f} m",
         "hits": [(record.metrics.get(f"sr_{k}") or 0.0) >= 1.0 for k in KS],
-        "trace": json.dumps(record.trace, indent=1, ensure_ascii=False),
+        "lost_at": lost_at(record) or "",
+        "evidence": ", ".join(f"{name.replace('_', ' ')} {value}" for name, value in record.evidence.items()),
+        "trace": laid_out(record.trace),
     }
 
 
