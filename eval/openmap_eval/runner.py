@@ -217,10 +217,10 @@ def run_scene(
     # Where the walk is over there is nothing left to film; what an agent still sees by then counts as seen.
     asking = walking if shared_start is None else walking[: witness is not None]
     if shared_start is not None:
-        _play(env, agent, first, shared_start, settings, walking, on_progress, "exploring")
+        _play(env, agent, first, shared_start, settings, walking, on_progress, asks=False)
     for number, episode in enumerate(episodes, start=1):
         started = time.perf_counter()
-        info, answer = _play(env, agent, episode, shared_start, settings, asking, None, "")
+        info, answer = _play(env, agent, episode, shared_start, settings, asking)
         seconds = time.perf_counter() - started
         if on_progress:
             on_progress("answering", number, len(episodes))
@@ -237,10 +237,10 @@ def _play(
     start: tuple[tuple[float, float, float], float] | None,
     settings: EvalSettings,
     observers: Sequence[StepObserver],
-    on_progress: Progress | None,
-    what: str,
+    on_progress: Progress | None = None,
+    asks: bool = True,
 ) -> tuple[dict[str, Any], Answer | None]:
-    """One episode from reset to its end; the last info and the agent's answer."""
+    """One episode from reset to its end; the last info and the agent's answer, unless nothing is asked yet."""
     options: dict[str, Any] = {"episode": episode}
     if start is not None:
         options["start"] = start
@@ -251,7 +251,7 @@ def _play(
         action = agent.act(observation)
         for observer in observers:
             observer(_bare(env), agent, observation)
-        if action == STOP:
+        if action == STOP and asks:
             answer = agent.answer()
             if answer is not None:
                 _bare(env).declare(answer.positions)
@@ -259,7 +259,7 @@ def _play(
         over = terminated or truncated
         steps += 1
         if on_progress:
-            on_progress(what, steps, settings.max_steps)
+            on_progress("exploring", steps, settings.max_steps)
     return info, answer
 
 

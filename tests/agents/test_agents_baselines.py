@@ -73,6 +73,14 @@ def test_who_has_the_oracle_map_walks_to_what_it_chose(env):
     assert play(env, agent)[0] == actions
 
 
+def test_who_has_the_oracle_map_grounds_with_the_model_that_is_named(env):
+    agent = make_agent("oracle_map", env, llm="openai:some-model@http://127.0.0.1:9/v1")
+    assert "some-model" in agent.grounder.llm.name
+    assert make_agent("oracle_map", env).grounder.llm is None
+    with pytest.raises(ValueError, match="'magic'"):
+        make_agent("oracle_map", env, llm="magic")
+
+
 def test_who_stands_still_stops_at_once_and_is_not_there(env):
     actions, metrics = play(env, make_agent("stand_still", env))
     assert actions == [Action.STOP]

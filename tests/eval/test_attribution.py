@@ -179,6 +179,19 @@ def test_the_target_that_got_farthest_counts(walked, monkeypatch):
         assert evidence["target"] != hidden
 
 
+def test_a_place_that_is_no_thing_is_lost_with_what_the_map_has_there(walked, monkeypatch):
+    env, agent, witness = walked
+    fridge = next(i for i in env.simulator.scene.instances if i.category == "refrigerator")
+    for place, expected in ((fridge.centre, "parse"), (fridge.centre + 50.0, "association")):
+        target = Target(0, tuple(place), tuple(place), tuple(place))
+        monkeypatch.setattr(env, "_episode", replace(env.episode, targets=(target,)))
+        asked = Attribution()
+        asked._sights = witness._sights
+        answer = Answer(np.zeros((0, 3), np.float32), [], {"candidates": [], "ranking": []})
+        stage, evidence = asked.lost_at(env, agent, MISSED, answer)
+        assert (stage, evidence["category"]) == (expected, "place")
+
+
 def test_a_right_answer_is_only_lost_on_the_way(walked, monkeypatch):
     assert loss(walked, "refrigerator", monkeypatch=monkeypatch, metrics=REACHED) is None
     monkeypatch.setattr(walked[0], "protocol", "navigation")

@@ -71,6 +71,15 @@ def test_a_run_that_was_killed_goes_on_where_it_was(tmp_path, toy_specs):
     assert resumed["episodes"] == whole["episodes"]
 
 
+def test_an_agent_is_asked_once_an_episode(tmp_path, toy_specs, monkeypatch):
+    from openmap_agents.baselines import StandStillAgent
+
+    asked = []
+    monkeypatch.setattr(StandStillAgent, "answer", lambda self: asked.append(self))
+    run("stand_still", tmp_path, toy_specs, episodes=3)
+    assert len(asked) == 3
+
+
 def test_a_finished_run_is_not_run_again(tmp_path, toy_specs):
     run("random", tmp_path, toy_specs)
     before = (tmp_path / "episodes.jsonl").read_bytes()
