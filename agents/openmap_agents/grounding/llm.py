@@ -26,6 +26,8 @@ KEY_VARIABLE = "OPENAI_API_KEY"
 MAX_BYTES = 1 << 20
 """No reply that is worth reading is longer."""
 MAX_RECORDED = 20_000
+FIRST_WAIT = 0.25
+"""Seconds before the first retry; twice as long before each further one."""
 
 
 class LanguageModelError(Exception):
@@ -113,7 +115,7 @@ class OpenAIModel:
             if attempt == 0:
                 entry["messages"] = [{role: _redacted(text) for role, text in message.items()} for message in messages]
             record.append(entry)
-            wait = min(0.25 * 2**attempt, 4.0)
+            wait = min(FIRST_WAIT * 2**attempt, 4.0)
             try:
                 body = self._request(messages, schema if structured else None, min(self.timeout, left))
                 entry["tokens"] = _tokens(body)
