@@ -31,15 +31,12 @@ NOT_AT_ONCE = (
     "Do you know a good spot for these tulips?",
     "I have half an hour before the meeting and feel like a little snooze.",
     "Where should this banana peel go?",
-    "I don't want the neighbours to look in.",
-    "The ice cream is melting.",
     "I would like to browse for cheap flights.",
     "Bring the leftovers from the office lunch back to temperature, please.",
     "Let's do something together with the children, it's a rainy Sunday.",
     "I'm parched.",
     "The soup tastes of nothing.",
 )
-NOT_AMONG_EIGHT = ("I'm parched.",)
 RGB = {
     "white": (230, 230, 225),
     "grey": (140, 140, 140),
@@ -115,7 +112,7 @@ def rank_of_the_first_that_serves(case: dict[str, Any], grounder: Grounder, home
 def test_needs_that_the_table_was_not_written_for(grounder: Grounder, furnished: InstanceMap) -> None:
     ranks = {case["text"]: rank_of_the_first_that_serves(case, grounder, furnished) for case in NEEDS["needs"]}
     assert {text for text, rank in ranks.items() if rank > 0} == set(NOT_AT_ONCE)
-    assert {text for text, rank in ranks.items() if rank >= 8} == set(NOT_AMONG_EIGHT)
+    assert not {text for text, rank in ranks.items() if rank >= 8}
 
 
 def test_several_kinds_are_offered_for_a_need_and_one_for_a_name(grounder: Grounder, furnished: InstanceMap) -> None:

@@ -90,6 +90,8 @@ class Description:
         Kinds of things that answer the needs, most probable first, each with its probability.
     route : tuple of RouteClause
         Soft context for where the target is.
+    avoid : tuple of Thing
+        What is not wanted ("anything but the sofa").
     """
 
     kind: Kind
@@ -98,6 +100,7 @@ class Description:
     needs_room: str | None = None
     serves: tuple[tuple[str, float], ...] = ()
     route: tuple[RouteClause, ...] = ()
+    avoid: tuple[Thing, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Plain JSON; fields that say nothing are left out."""

@@ -12,21 +12,12 @@ import re
 from dataclasses import dataclass, replace
 from typing import Literal
 
+from openmap_agents.grounding import speech
 from openmap_agents.grounding.description import Description, Kind, RouteClause, Thing
 from openmap_agents.grounding.lexicon import Lexicon, leading, load_lexicon, normalised, words_of
 from openmap_agents.grounding.noun_phrases import SPELLING_COST, NounPhrases
 
 Motion = Literal["goal", "approach", "stop", "pass", "leave", "turn", "need", "bare"]
-
-_NEED_STATE = re.compile(
-    r"^(?:my|the|our|his|her|their|these|those|this|all|no) (?:(?!that |which |who |where ).)*"
-    r"\b(?:is|isn't|are|aren't|was|were|has|have|had|will|won't|would|should|must|can't|cannot|could|do|does|don't|doesn't"
-    r"|didn't|feels?|hurts?|smells?|stinks?|tastes?|looks?|needs?|wants?|keeps?|gets?|got|ran|went|came|broke|fell|stopped)\b"
-)
-_SAYS = re.compile(
-    r"^(?:i|we|he|she|they|it|there|somebody|someone|nobody|everybody|everyone|[a-z]+ of (?:us|you|them))(?:'[a-z]+)?\b."
-)
-"""A sentence with a subject, which no noun phrase is."""
 
 
 @dataclass(frozen=True)
@@ -69,15 +60,21 @@ class Interpreter:
         }
         self._pronouns = frozenset(words["pronouns"])
         rooms = "|".join(sorted(map(re.escape, self.lexicon.room_names), key=lambda name: (-len(name), name)))
-        self._in_room = re.compile(rf"\s*\b(?:in|inside|within) (?:the |my |our )?({rooms})\b")
+        self._in_room = re.compile(rf"\s*\b(?:in|inside|within|from|into|around) (?:the |my |our )?({rooms})\b")
+        # "Air the bathroom": what is done to a room is done in it.
+        self._to_room = re.compile(
+            r"\b((?:air|ventilate|cool|heat|warm|light|clean|mop|sweep|tidy|vacuum|brighten|darken|freshen)(?: up| out)?)"
+            rf" (?:the |my |our )({rooms})\b"
+        )
         self._frame = frozenset(words["function_words"]) | frozenset(words["frame_words"])
 
     def parse(self, instruction: str) -> Description:
         """What the instruction asks for; never raises, an instruction without a thing gives a description without a target."""
-        clauses = self._clauses(normalised(instruction))
+        clauses = self._clauses(speech.meant(normalised(instruction)))
         if (
             any(c.motion == "stop" for c in clauses)
             or sum(c.motion in ("leave", "pass", "turn", "approach") for c in clauses) > 1
+            or (clauses and clauses[0].motion in ("leave", "pass") and len(clauses) > 1)
         ):
             return self._walk(clauses)
         return self._wish(clauses)
@@ -94,6 +91,8 @@ class Interpreter:
         for sentence in re.split(r"[.!?;:]+", text):
             begins = True
             for piece in self._pieces(sentence):
+                if not self._without_courtesy(words_of(piece)):
+                    continue
                 clause = self._clause(piece)
                 continues = clause.motion == "bare" and not begins
                 if continues and clauses:
@@ -141,22 +140,41 @@ class Interpreter:
         while (
             words
             and words[0] in self._connectives
+            and not (words[0] == "there" and words[1:2] and words[1] in ("is", "are", "was", "were", "has", "have"))
             and not leading(words, self.nouns.relation_phrases)
             and not any(leading(words, p) > 1 for p in self._verbs.values())
         ):
             words = self._without_courtesy(words[1:])
+        # "... where the red chair is"
+        if len(words) > 2 and words[-1] in ("is", "are", "was", "were") and words[0] != "where":
+            words = words[:-1]
+        if found := speech.PUT.match(" ".join(words)):
+            words = words_of(" ".join(words)[found.end() :])
         best: tuple[int, Motion] = (0, "bare")
         for motion, phrases in self._verbs.items():
             length = leading(words, phrases)
             if length > best[0]:
                 best = (length, motion)
         length, motion = best
-        if motion == "need" and length == 1 and words[0] == "my" and not _NEED_STATE.match(" ".join(words)):
+        if motion == "need" and length == 1 and words[0] == "my" and not speech.NEED_STATE.match(" ".join(words)):
             motion, length = "bare", 0
-        if motion == "bare" and (_NEED_STATE.match(" ".join(words)) or _SAYS.match(" ".join(words))):
+        if motion == "bare" and (taken := self._unknown_verb(words)):
+            motion, length = "goal", taken
+        if motion == "bare" and (speech.NEED_STATE.match(" ".join(words)) or speech.SAYS.match(" ".join(words))):
             motion = "need"
+        if motion == "goal" and words[length - 1] in ("see", "open", "use", "watch") and "want" in words[:length]:
+            # "I want to see the red chair" names a thing, "I want to see pictures" states a wish.
+            motion = "goal" if words[length:] and words[length] in speech.DEFINITE else "need"
         rest = words if motion == "need" else words[length:]
         return _Clause(motion, " ".join(rest), " ".join(words))
+
+    def _unknown_verb(self, words: list[str]) -> int:
+        """How many words an imperative that no list knows has: "straighten the picture", "plump up the cushions"; 0 = none."""
+        particle = 1 if len(words) > 2 and words[1] in ("up", "off", "on", "down", "out", "away") else 0
+        if len(words) < 3 + particle or words[1 + particle] not in speech.DEFINITE or words[0] in speech.NO_VERBS:
+            return 0
+        known = self.lexicon.name_of(words[0]) or self.lexicon.room_of(words[0]) or self.nouns.is_attribute(words[0])
+        return 0 if known or words[0] in self.nouns.articles or words[0] in self._prepositions else 1 + particle
 
     def _without_courtesy(self, words: list[str]) -> list[str]:
         changed = True
@@ -187,6 +205,9 @@ class Interpreter:
                 needs.append(clause.rest)
                 continue
             thing = self._named(clause.rest)
+            if clause.motion == "leave":
+                clause = replace(clause, rest=re.split(r" (?:through|by|via|using) ", clause.rest)[0])
+                thing = self._named(clause.rest)
             room = self.lexicon.room_of(self._stripped(clause.rest))
             if room is not None:
                 route.append(RouteClause(_leg(clause.motion), room=room))
@@ -248,11 +269,20 @@ class Interpreter:
     def _wish(self, clauses: list[_Clause]) -> Description:
         target: Thing | None = None
         said: list[str] = []
+        avoid: list[Thing] = []
         for clause in clauses:
             if len(clauses) > 1 and self._frame.issuperset(words_of(clause.text)):
                 continue
+            if found := speech.AVOID.match(clause.text):
+                avoid.append(self.nouns.parse(clause.text[found.end() :]))
+                continue
+            if (found := speech.MENTION.match(clause.text)) and target is None and self._acts_on_it(clauses):
+                target = self.nouns.parse(clause.text[found.end() :])
+                continue
+            if target is not None and self._acts_on_it([clause]):
+                continue
             rest = self._stripped(clause.rest)
-            asked = clause.motion == "need" or self._asks_for_use(clause.rest) or _SAYS.match(rest)
+            asked = clause.motion == "need" or self._asks_for_use(clause.rest) or speech.SAYS.match(rest)
             thing = None if asked else self._wanted(clause)
             if thing is None:
                 said.append(clause.text)
@@ -260,7 +290,16 @@ class Interpreter:
                 target = thing
         needs, where = self._needs(said)
         kind: Kind = "demand" if needs or target is None else "object_goal"
-        return Description(kind=kind, target=target, needs=needs, needs_room=where)
+        if target is not None and where is not None and not target.room:
+            target = replace(target, room=where)
+        return Description(kind=kind, target=target, needs=needs, needs_room=where, avoid=tuple(avoid))
+
+    def _acts_on_it(self, clauses: list[_Clause]) -> bool:
+        """Whether one of the clauses says what to do with a thing named before: "turn it on"."""
+        return any(
+            c.motion in ("goal", "approach", "stop", "bare", "turn") and self._pronouns.intersection(words_of(c.text))
+            for c in clauses
+        )
 
     def _needs(self, said: list[str]) -> tuple[tuple[str, ...], str | None]:
         """Sentences that state needs, without the room that they are to be met in and without those that say nothing else."""
@@ -270,6 +309,9 @@ class Interpreter:
             if found := self._in_room.search(sentence):
                 room = self.lexicon.room_names[found[1]]
                 sentence = (sentence[: found.start()] + sentence[found.end() :]).strip()
+            elif found := self._to_room.search(sentence):
+                room = self.lexicon.room_names[found[2]]
+                sentence = f"{sentence[: found.start()]}{found[1]} the room{sentence[found.end() :]}"
             told.append(sentence)
         telling = [text for text in told if not self._frame.issuperset(words_of(text))]
         return tuple(telling or [text for text in said if text]), room
@@ -291,7 +333,8 @@ class Interpreter:
         thing = self.nouns.parse(text)
         verb = clause.text[: len(clause.text) - len(clause.rest)].strip()
         if not thing.queries:
-            return thing if thing.colour or thing.relations or thing.room or thing.superlative else None
+            known = any(self.knows(mark) for relation in thing.relations for mark in relation.landmarks)
+            return thing if thing.colour or known or thing.room or thing.superlative else None
         # "I want a drink", "get me a cup of tea": what is wanted is no thing that a home holds, so it is a need.
         wishful = verb.endswith(("need", "want", "like", "give me", "get", "get me", "bring me", "fetch"))
         if wishful and re.search(r"(?<!front)(?<!left)(?<!right)(?<!top)(?<!side) of ", text):

@@ -17,9 +17,11 @@ from typing import Any
 
 STRUCTURE = frozenset({"wall", "floor", "ceiling", "beam", "baseboard", "column"})
 """Names of what a home is built of: ranked low unless asked for."""
+OPENINGS = frozenset({"balcony door", "door", "french door", "front door", "garage door", "window"})
+"""Names of what stands in a wall and parts rooms as it does."""
 FLAT = frozenset(
-    {"bath mat", "blinds", "curtain", "door", "doormat", "french door", "front door", "mirror", "picture", "poster", "room divider",
-     "rug", "shower curtain", "wardrobe", "whiteboard", "window"}
+    {"balcony door", "bath mat", "blinds", "curtain", "door", "doormat", "french door", "front door", "mirror", "photo frame",
+     "picture", "poster", "room divider", "rug", "shower curtain", "wardrobe", "whiteboard", "window"}
 )  # fmt: skip
 """Names of things that may be as large and flat as a wall or a floor, so that their shape says nothing against them."""
 

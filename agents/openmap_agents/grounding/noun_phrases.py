@@ -68,6 +68,10 @@ class NounPhrases:
         negated = to_first = False
         at = 0
         while at < len(words):
+            if whole := self._compound_at(words, at):
+                segments[-1].words.extend(words[at : at + whole])
+                at += whole
+                continue
             length = self._relation_at(words, at, bool(segments[-1].words) or segments[-1].relation is None)
             if length:
                 name = self._relation_name(words[at : at + length], segments[0].words)
@@ -86,6 +90,14 @@ class NounPhrases:
                 segments[-1].words.append(word)
             at += 1
         return segments
+
+    def _compound_at(self, words: list[str], at: int) -> int:
+        """How many words from ``at`` on are a known name with a relation's word in it ("chest of drawers"); 0 = none."""
+        for length in range(min(4, len(words) - at), 2, -1):
+            within = words[at : at + length]
+            if "of" in within[1:-1] and self.lexicon.name_of(" ".join(within)) is not None:
+                return length
+        return 0
 
     def _relation_at(self, words: list[str], at: int, may_begin: bool) -> int:
         if not may_begin or at >= len(words):
@@ -179,11 +191,12 @@ class NounPhrases:
                 if self.lexicon.name_of(" ".join(words[start:stop])) is not None:
                     return start, stop
         start = len(words)
-        while start > 0 and not self._is_attribute(words[start - 1]):
+        while start > 0 and not self.is_attribute(words[start - 1]):
             start -= 1
         return start, len(words)
 
-    def _is_attribute(self, word: str) -> bool:
+    def is_attribute(self, word: str) -> bool:
+        """Whether a word says how a thing is and not what it is."""
         known = (self.colour_of, self.superlative_of, self.ordinals, self.materials, self.generic)
         return any(word in words for words in known)
 

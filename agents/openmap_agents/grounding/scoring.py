@@ -20,8 +20,9 @@ from scipy.spatial import cKDTree
 from openmap_agents.grounding import spatial
 from openmap_agents.grounding.colours import colour_fits, colour_word
 from openmap_agents.grounding.description import Description, Relation, Thing
-from openmap_agents.grounding.lexicon import FLAT, STRUCTURE, Lexicon
+from openmap_agents.grounding.lexicon import FLAT, OPENINGS, STRUCTURE, Lexicon
 from openmap_agents.grounding.needs import cover
+from openmap_agents.grounding.rooms import rooms_of
 from openmap_agents.grounding.text_space import TextSpace, unit
 from openmap_agents.mapping.instance_map import InstanceMap
 
@@ -34,6 +35,11 @@ KIND_COST = 0.05
 COMPETE = 0.12
 STRUCTURE_COST = 0.5
 ROOM_REACH = 1.6
+"""How far things tell which room it is, where no walls are known, m ..."""
+WITHIN_ROOM_REACH = 2.5
+"""... and between the same walls."""
+THROUGH_WALL = 0.1
+"""How much of that is left beyond a wall."""
 RELIABLE = 0.9
 """How often something that looks like its kind is one, and stands where the map says."""
 STRUCTURE_SERVES = 0.1
@@ -104,7 +110,11 @@ class MapView:
             return {room: np.zeros(0) for room in self.lexicon.rooms}
         distance = np.linalg.norm(self.boxes.centre[:, None] - self.boxes.centre[None], axis=2)
         # A floor or a wall has its centre nowhere in particular: it neither tells nor is told.
-        nearby = np.exp(-distance / ROOM_REACH) * ~self.structure[None]
+        between = rooms_of(self.map, self.structure | np.isin(self.labels, sorted(OPENINGS)))
+        parted = between[:, None] != between[None]
+        known = (between[:, None] > 0) & (between[None] > 0)
+        reach = np.where(known & ~parted, WITHIN_ROOM_REACH, ROOM_REACH)
+        nearby = np.exp(-distance / reach) * np.where(known & parted, THROUGH_WALL, 1.0) * ~self.structure[None]
         tells: dict[str, Array] = {}
         for room, things in self.lexicon.rooms.items():
             weights = np.zeros(len(self.column))
@@ -165,12 +175,17 @@ def score(description: Description, view: MapView) -> Scores:
     """Scores of all instances for a description; larger fits better."""
     target = description.target
     if target is None and description.serves:
-        return _score_need(description, view)
+        scores = _score_need(description, view)
+        for thing in description.avoid:
+            scores.total *= 1 - _landmark_weights(thing, None, view, 0)
+        return scores
     scores = _from_fit(view, np.zeros(len(view)), ()) if target is None else _score_thing(target, view)
     if target is not None and description.serves:
         marks = Relation("near", (Thing(phrase="need", queries=_as_queries(description.serves[:4])),))
         scores.apply("near what the need calls for", _relation(marks, None, view), 0.4)
     _apply_route(description, view, scores)
+    for thing in description.avoid:
+        scores.apply(f"not the {thing.phrase}", 1 - _landmark_weights(thing, None, view, 0))
     return scores
 
 
@@ -223,7 +238,7 @@ def _score_thing(thing: Thing, view: MapView, depth: int = 0) -> Scores:
             scores.apply(title, 1 - held if relation.negated else held)
     if thing.superlative and len(view):
         ranks = _ranks(-spatial.extent(thing.superlative, view.boxes), _competing(scores))
-        scores.apply(thing.superlative, 0.5**ranks, 1.0 if thing.strict else 0.6)
+        scores.apply(thing.superlative, 0.5**ranks, 2.0 if thing.strict else 0.6)
     return scores
 
 
