@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from scipy.sparse import lil_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from openmap_agents.exploration.planner import dearest_on_line, distances, path_to
+from openmap_agents.exploration import FREE, UNKNOWN
+from openmap_agents.exploration.planner import beyond_frontier, dearest_on_line, distances, path_to
 from openmap_agents.exploration.views import SECTORS, best_headings, gains_by_bearing, in_view
 
 RESOLUTION = 0.05
@@ -109,3 +110,20 @@ def test_the_best_heading_points_at_the_targets_and_in_view_agrees():
     assert not in_view((30, 30), -math.pi / 2, *look).any()
     opaque[:, 20] = True
     assert not in_view((30, 30), math.pi / 2, *look).any()
+
+
+def test_a_frontier_seen_along_its_edge_counts_for_nobody():
+    door = np.array([[30, 20]])
+    beyond = np.array([[-1.0, 0.0]], np.float32)  # the unknown lies towards smaller rows
+    reach, opaque = np.full(1, 3.0, np.float32), np.zeros((60, 60), bool)
+    places = np.array([[30, 40], [40, 20], [20, 20]])  # beside it, in front of it, behind it
+    gains = gains_by_bearing(places, door, np.ones(1, np.float32), reach, opaque, RESOLUTION, beyond).sum(axis=1)
+    np.testing.assert_array_equal(gains, [0.0, 1.0, 0.0])
+    heading = math.atan2(20.0, 0.0)  # at the door, from the side
+    assert not in_view((30, 40), heading, door, reach, 0.0, 0.7, opaque, RESOLUTION, beyond).any()
+
+
+def test_beyond_a_frontier_lies_the_unknown():
+    grid = np.full((20, 20), FREE, np.uint8)
+    grid[:, 12:] = UNKNOWN
+    np.testing.assert_allclose(beyond_frontier(grid, np.array([[10, 11]])), [[0.0, 1.0]], atol=1e-6)

@@ -4,7 +4,9 @@ After a look around at the start, the explorer always knows two kinds of targets
 unknown) and surfaces that were only seen from afar, on which small things would be missed. Of all places within reach it
 goes to the one whose best single look is worth most for the steps that it costs, turns there, looks, and chooses again; it
 looks along the way too, so a goal that has nothing left to show is dropped before it is reached. Targets that stay although
-they were looked at from near are given up. It is done when no look is worth its while, or when its steps are spent.
+they were looked at from near are given up. Before it ends it walks up to every stretch of frontier that it never came near, however
+little the looks from afar promised: a door seen from the side shows nothing. It is done when no look is worth its while, or when
+its steps are spent.
 """
 
 from __future__ import annotations
@@ -14,9 +16,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
+from scipy.ndimage import distance_transform_edt, label
 
-from openmap_agents.exploration.occupancy import OCCUPIED, OccupancyMap, OccupancySettings
-from openmap_agents.exploration.planner import frontier_cells
+from openmap_agents.exploration.occupancy import OCCUPIED, Cell, OccupancyMap, OccupancySettings
+from openmap_agents.exploration.planner import beyond_frontier, frontier_cells
 from openmap_agents.exploration.views import best_headings, gains_by_bearing, in_view
 from openmap_agents.exploration.walker import Walker, WalkerSettings, Ways
 from openmap_env.actions import Action
@@ -33,12 +36,25 @@ class ExplorerSettings:
     """A frontier cell counts for places up to this far away, m."""
     surface_reach: float = 2.5
     """Surfaces seen only from farther away than this deserve a nearer look, m; 0 = none do."""
+    table_reach: float = 0.0
+    """The same for surfaces whose highest point lies between ``table_low`` and ``table_high``: small things lie on them.
+    0 = as others."""
+    table_weight: float = 0.2
+    """What a cell of these is worth once it was seen from within ``surface_reach``."""
+    table_low: float = 0.35
+    """Above the floor, m."""
+    table_high: float = 1.15
+    """Above the floor, m."""
     surface_weight: float = 0.45
     """What a surface cell is worth; a frontier cell is worth 1."""
     least_frontier: float = 6.0
     """A look must show this many frontier cells (0.3 m with cells of 5 cm: less than the walkable part of a door) ..."""
     least_gain: float = 16.0
     """... or be worth this much, surfaces and all."""
+    walk_up: float = 0.35
+    """Before the end, a connected frontier of at least this length, m, is walked up to; 0 = none is ..."""
+    near: float = 0.75
+    """... unless the body has been this near to it, m."""
     overhead: float = 10.0
     """Steps added to the cost of every look, so that near crumbs do not come before a room."""
     patience: int = 4
@@ -57,12 +73,14 @@ class ExplorerSettings:
 
 @dataclass(frozen=True)
 class Targets:
-    """Cells that deserve a look: (m, 2) int64 cells, (m,) weights, (m,) reach m, (m,) whether a frontier."""
+    """Cells that deserve a look: (m, 2) int64 cells, (m,) weights, (m,) reach m, (m,) whether a frontier; and (m, 2) the direction
+    in which the unknown lies, unit vectors in cells, 0 for surfaces."""
 
     cells: npt.NDArray[np.int64]
     weights: npt.NDArray[np.float32]
     reach: npt.NDArray[np.float32]
     frontier: npt.NDArray[np.bool_]
+    beyond: npt.NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -109,6 +127,7 @@ class Explorer:
         self._ways: Ways | None = None
         self._age = 0
         self._still = False
+        self._walked_up: list[tuple[float, float]] = []
 
     @property
     def trajectory(self) -> npt.NDArray[np.float64]:
@@ -147,19 +166,26 @@ class Explorer:
         """What deserves a look now."""
         s, o = self.settings, self.occupancy
         frontier = np.argwhere(frontier_cells(ways.grid, ways.distance))
-        far = (
-            np.isfinite(o.seen_from) & (o.seen_from > s.surface_reach)
-            if s.surface_reach > 0
-            else np.zeros_like(o.stood)
-        )
-        surface = np.argwhere(far)
+        near_enough = self._near_enough(ways)
+        surface = np.argwhere(np.isfinite(o.seen_from) & (o.seen_from > near_enough) & (near_enough > 0))
         cells = np.concatenate([frontier, surface])
         is_frontier = np.arange(len(cells)) < len(frontier)
         keep = o.looked[cells[:, 0], cells[:, 1]] < s.patience
         cells, is_frontier = cells[keep], is_frontier[keep]
-        weights = np.where(is_frontier, 1.0, s.surface_weight).astype(np.float32)
-        reach = np.where(is_frontier, s.frontier_reach, 0.95 * s.surface_reach).astype(np.float32)
-        return Targets(cells, weights, reach, is_frontier)
+        near = o.seen_from[cells[:, 0], cells[:, 1]] <= s.surface_reach
+        weights = np.where(is_frontier, 1.0, np.where(near, s.table_weight, s.surface_weight)).astype(np.float32)
+        reach = np.where(is_frontier, s.frontier_reach, 0.95 * near_enough[cells[:, 0], cells[:, 1]]).astype(np.float32)
+        beyond = np.zeros((len(cells), 2), np.float32)
+        beyond[is_frontier] = beyond_frontier(ways.grid, cells[is_frontier])
+        return Targets(cells, weights, reach, is_frontier, beyond)
+
+    def _near_enough(self, ways: Ways) -> npt.NDArray[np.float32]:
+        """From how near each cell's surfaces are to be seen, (H, W) m; 0 = they need not be."""
+        s, top = self.settings, self.occupancy.top
+        reach = np.full(top.shape, s.surface_reach, np.float32)
+        if s.table_reach > 0:
+            reach[(top > s.table_low) & (top < s.table_high) & (ways.grid == OCCUPIED)] = s.table_reach
+        return reach
 
     def _choose(self) -> Action | None:
         """One decision: go on with the goal, or look, or take a new goal."""
@@ -190,8 +216,33 @@ class Explorer:
         targets = self.targets(ways)
         if self._still:
             self._count_looks(ways, targets)
-        self.goal = self._best_goal(ways, targets)
+        self.goal = self._best_goal(ways, targets) or self._unvisited(ways)
         return ways
+
+    def _unvisited(self, ways: Ways) -> Goal | None:
+        """The nearest stretch of frontier that the body never came near, to be walked up to; None = there is none."""
+        s, o = self.settings, self.occupancy
+        if s.walk_up <= 0:
+            return None
+        frontier = frontier_cells(ways.grid, ways.distance)
+        been = o.stood.copy()
+        for x, z in self._walked_up:
+            been[o.cell(x, z)] = True
+        pieces, n = label(frontier, np.ones((3, 3)))
+        away = distance_transform_edt(~been, sampling=o.resolution)
+        best: tuple[float, Cell] | None = None
+        for number in range(1, n + 1):
+            cells = np.argwhere(pieces == number)
+            if len(cells) * o.resolution < s.walk_up or away[cells[:, 0], cells[:, 1]].min() < s.near:
+                continue
+            middle = cells[np.argmin(np.hypot(*(cells - cells.mean(axis=0)).T))]
+            cell = (int(middle[0]), int(middle[1]))
+            if best is None or ways.distance[cell] < best[0]:
+                best = float(ways.distance[cell]), cell
+        if best is None:
+            return None
+        (row, column), (x, z) = beyond_frontier(ways.grid, np.array([best[1]]))[0].tolist(), o.place(best[1])
+        return Goal(x, z, math.atan2(-column, -row), 0.0)
 
     def _best_goal(self, ways: Ways, targets: Targets) -> Goal | None:
         """The place and heading whose look is worth most a step; None where none is worth it."""
@@ -202,9 +253,9 @@ class Explorer:
         # A chequer of the targets is enough to choose by, at twice the weight.
         half = targets.cells.sum(axis=1) % 2 == 0
         cells, weights, reach = targets.cells[half], 2 * targets.weights[half], targets.reach[half]
-        frontier, opaque = targets.frontier[half], self._opaque(ways)
+        frontier, beyond, opaque = targets.frontier[half], targets.beyond[half], self._opaque(ways)
         gains = [
-            gains_by_bearing(places, cells[part], weights[part], reach[part], opaque, o.resolution)
+            gains_by_bearing(places, cells[part], weights[part], reach[part], opaque, o.resolution, beyond[part])
             for part in (frontier, ~frontier)
         ]
         gain, heading = best_headings(gains[0] + gains[1])
@@ -247,7 +298,9 @@ class Explorer:
         assert self._camera is not None
         half = 0.9 * math.atan2(self._camera.width / 2, self._camera.fx)
         w, opaque, resolution = self.walker, self._opaque(ways), self.occupancy.resolution
-        in_frame = in_view(w.cell, w.heading, targets.cells, targets.reach, 0.0, half, opaque, resolution)
+        in_frame = in_view(
+            w.cell, w.heading, targets.cells, targets.reach, 0.0, half, opaque, resolution, targets.beyond
+        )
         cells = targets.cells - np.array(w.cell)
         near = np.hypot(cells[:, 0], cells[:, 1]) * resolution < self._blind_distance(pitch)
         return np.asarray(in_frame & ~(near & targets.frontier))
@@ -265,6 +318,8 @@ class Explorer:
 
     def _give_up(self, ways: Ways) -> None:
         """The targets in view of the goal are not shown by looking from here: ask for them no more."""
+        if self.goal is not None:
+            self._walked_up.append((self.goal.x, self.goal.z))
         targets = self.targets(ways)
         seen = targets.cells[self._seen_now(ways, targets, -math.pi / 2 + 0.1)]
         self.occupancy.looked[seen[:, 0], seen[:, 1]] = self.settings.patience

@@ -113,6 +113,23 @@ def frontier_cells(grid: npt.NDArray[np.uint8], distance: npt.NDArray[np.float32
     return np.asarray(touches & (grid == FREE) & np.isfinite(distance))
 
 
+def beyond_frontier(
+    grid: npt.NDArray[np.uint8], cells: npt.NDArray[np.int64], radius: int = 3
+) -> npt.NDArray[np.float32]:
+    """Unit vectors (n, 2) float32 (row, column) from frontier cells (n, 2) to the middle of the unknown within ``radius`` cells.
+
+    0 where the unknown lies around the cell on all sides alike.
+    """
+    unknown = np.pad(grid == UNKNOWN, radius)
+    total = np.zeros((len(cells), 2), np.float32)
+    for dr in range(-radius, radius + 1):
+        for dc in range(-radius, radius + 1):
+            there = unknown[cells[:, 0] + dr + radius, cells[:, 1] + dc + radius]
+            total += np.where(there[:, None], np.array([dr, dc], np.float32), np.float32(0.0))
+    length = np.linalg.norm(total, axis=1, keepdims=True)
+    return np.where(length > 1e-6, total / np.maximum(length, 1e-6), np.float32(0.0)).astype(np.float32)
+
+
 @numba.njit(cache=True)
 def _dijkstra(cost, start_row, start_column, resolution):  # type: ignore[no-untyped-def]
     height, width = cost.shape

@@ -2,7 +2,8 @@
 
 Targets are cells that deserve a look: the edge of the known floor, and surfaces that were only seen from afar. A place is
 worth the targets that lie within their reach of it and are not hidden by anything as tall as the camera; they are summed by
-bearing, because a camera sees one side at a time.
+bearing, because a camera sees one side at a time. A frontier is a line across the floor: who looks along it, as from a
+corridor past an open door, sees nothing of what lies beyond, so it counts for those in front of it.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from openmap_agents.exploration.occupancy import Cell
 
 SECTORS = 24
 _SECTOR = 2.0 * math.pi / SECTORS
+EDGE_ON = 0.25
+"""Cosine between the way to a target and the direction it faces away, below which it is seen edge-on."""
 
 
 def gains_by_bearing(
@@ -26,6 +29,7 @@ def gains_by_bearing(
     reach: npt.NDArray[np.float32],
     opaque: npt.NDArray[np.bool_],
     resolution: float,
+    beyond: npt.NDArray[np.float32] | None = None,
 ) -> npt.NDArray[np.float32]:
     """Weight of the targets in view from each place, by heading.
 
@@ -39,6 +43,8 @@ def gains_by_bearing(
         Cells that cannot be seen over.
     resolution : float
         Side of a cell, m.
+    beyond : (m, 2) float32, optional
+        Unit vectors (row, column) to what a look at each target is meant to show beyond it; 0 = from any side.
 
     Returns
     -------
@@ -46,8 +52,9 @@ def gains_by_bearing(
         Sector i is centred on the heading ``i * 2 pi / SECTORS`` (0 looks along -z, positive turns left).
     """
     return _gains(  # type: ignore[no-any-return]
-        np.ascontiguousarray(places), np.ascontiguousarray(targets), weights, reach, opaque, resolution
-    )
+        np.ascontiguousarray(places), np.ascontiguousarray(targets), weights, reach, opaque, resolution,
+        _sided(beyond, len(targets)),
+    )  # fmt: skip
 
 
 def best_headings(
@@ -72,11 +79,26 @@ def in_view(
     half_angle: float,
     opaque: npt.NDArray[np.bool_],
     resolution: float,
+    beyond: npt.NDArray[np.float32] | None = None,
 ) -> npt.NDArray[np.bool_]:
     """Which targets (m,) a camera at a place sees: ``nearest`` m or more away, within ``half_angle`` rad of its heading."""
     return _in_view(  # type: ignore[no-any-return]
-        place[0], place[1], heading, np.ascontiguousarray(targets), reach, nearest, half_angle, opaque, resolution
-    )
+        place[0], place[1], heading, np.ascontiguousarray(targets), reach, nearest, half_angle, opaque, resolution,
+        _sided(beyond, len(targets)),
+    )  # fmt: skip
+
+
+def _sided(beyond: npt.NDArray[np.float32] | None, n: int) -> npt.NDArray[np.float32]:
+    return np.zeros((n, 2), np.float32) if beyond is None else np.ascontiguousarray(beyond, np.float32)
+
+
+@numba.njit(cache=True)
+def _edge_on(dr, dc, beyond_row, beyond_column):  # type: ignore[no-untyped-def]
+    """Whether a target (dr, dc) cells away is looked at along its edge, or from beyond it; near ones never are."""
+    away = math.sqrt(dr * dr + dc * dc)
+    if (beyond_row == 0.0 and beyond_column == 0.0) or away < 3.0:
+        return False
+    return dr * beyond_row + dc * beyond_column < EDGE_ON * away
 
 
 @numba.njit(cache=True)
@@ -93,13 +115,15 @@ def _sees(row, column, target_row, target_column, opaque):  # type: ignore[no-un
 
 
 @numba.njit(cache=True)
-def _gains(places, targets, weights, reach, opaque, resolution):  # type: ignore[no-untyped-def]
+def _gains(places, targets, weights, reach, opaque, resolution, beyond):  # type: ignore[no-untyped-def]
     out = np.zeros((len(places), SECTORS), np.float32)
     for i in range(len(places)):
         row, column = places[i]
         for j in range(len(targets)):
             dr, dc = targets[j, 0] - row, targets[j, 1] - column
             if (dr * dr + dc * dc) * resolution * resolution > reach[j] * reach[j]:
+                continue
+            if _edge_on(dr, dc, beyond[j, 0], beyond[j, 1]):
                 continue
             if not _sees(row, column, targets[j, 0], targets[j, 1], opaque):
                 continue
@@ -109,12 +133,12 @@ def _gains(places, targets, weights, reach, opaque, resolution):  # type: ignore
 
 
 @numba.njit(cache=True)
-def _in_view(row, column, heading, targets, reach, nearest, half_angle, opaque, resolution):  # type: ignore[no-untyped-def]
+def _in_view(row, column, heading, targets, reach, nearest, half_angle, opaque, resolution, beyond):  # type: ignore[no-untyped-def]
     out = np.zeros(len(targets), np.bool_)
     for j in range(len(targets)):
         dr, dc = targets[j, 0] - row, targets[j, 1] - column
         distance = math.sqrt(dr * dr + dc * dc) * resolution
-        if distance > reach[j] or distance < nearest:
+        if distance > reach[j] or distance < nearest or _edge_on(dr, dc, beyond[j, 0], beyond[j, 1]):
             continue
         off = math.atan2(-dc, -dr) - heading
         off = math.atan2(math.sin(off), math.cos(off))
