@@ -286,6 +286,17 @@ def test_labels_and_instructions_reach_the_model_as_data_only(stub: Stub) -> Non
     assert len(select[1]["content"].splitlines()) == len(lines)
 
 
+def test_the_grounder_asks_with_prompts_of_ones_own(stub: Stub, tmp_path: Path) -> None:
+    (tmp_path / "parse.md").write_text("What?")
+    settings = GroundingSettings(prompts=tmp_path)
+    with pytest.raises(DataError, match=r"select\.md: found No such file"):
+        Grounder("builtin", encoder=OneHot(), settings=settings)
+    (tmp_path / "select.md").write_text("Which?")
+    stub.answer = decided
+    ground(OpenAIModel("m", stub.url), settings=settings)
+    assert [request["messages"][0]["content"] for request in stub.requests] == ["What?", "Which?"]
+
+
 def through(stub: Stub, **options: Any) -> LanguageModel:
     model = make_llm(f"openai:m@{stub.url}", **options)
     assert model is not None

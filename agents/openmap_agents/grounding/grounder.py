@@ -12,8 +12,10 @@ The whole ranking survives, so that SR_k means what it says, and every answer ca
 
 from __future__ import annotations
 
+import math
 import time
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -42,10 +44,8 @@ class GroundingSettings:
     """N_s: how many things around a candidate are named."""
     neighbour_radius: float = 2.0
     """Metres, centre to centre."""
-    min_similarity: float = 0.15
-    """Below this text similarity nothing fits, and there is no choice ..."""
-    min_share: float = 0.4
-    """... nor below this share of the similarity that the best one has to its own name: then it is plainly something else."""
+    min_confidence: float = 0.1
+    """Below this nothing in the map fits, and there is no choice; the ranking stays."""
     parse: bool = True
     """False: the instruction as it is goes to the encoder (ablation)."""
     select: bool = True
@@ -54,6 +54,8 @@ class GroundingSettings:
     """Wall clock that one grounding may spend on its language model."""
     llm_calls: int = 6
     """Requests that one grounding may make, retries included."""
+    prompts: Path | None = None
+    """A folder of one's own parse.md and select.md for the language model; None: those of this package."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,7 @@ class Grounding:
     choice : int or None
         The first of the ranking; None if nothing fits.
     confidence : float
-        0..1 that the choice is what was asked for.
+        0..1 that what was asked for is in the map, whichever it is; after a model's choice, the model's own.
     trace : dict
         How it came about; plain JSON.
     scores : list of float
@@ -108,6 +110,7 @@ class Grounder:
     ) -> None:
         self.llm = make_llm(llm) if isinstance(llm, str) else llm
         self.settings = settings or GroundingSettings()
+        dialogue.check_prompts(self.settings.prompts)
         self._lexicon = load_lexicon()
         self._space = TextSpace(encoder)
         self._needs = Needs(self._lexicon, self._space if text_encoder is None else TextSpace(text_encoder))
@@ -133,8 +136,8 @@ class Grounder:
         clock.lap("retrieve")
         candidates = [self._candidate(index, view, scores) for index in order[: self.settings.n_candidates]]
         trace["candidates"] = candidates
-        confidence = _confidence(scores, order)
-        chosen = order[0] if order and self._fits(scores.fit[order[0]], view.best[order[0]]) else None
+        confidence = _confidence(scores, order, view)
+        chosen = order[0] if order and confidence >= self.settings.min_confidence else None
         if self.llm is not None and candidates and self.settings.select:
             order, chosen, confidence = self._select(
                 instruction, description, candidates, order, chosen, confidence, budget, trace
@@ -152,10 +155,6 @@ class Grounder:
             fits=[float(scores.fit[k]) for k in order],
         )
 
-    def _fits(self, similarity: float, to_own_name: float) -> bool:
-        """Whether the best of a ranking is good enough to be chosen; features of real pictures are less like any name."""
-        return similarity >= max(self.settings.min_similarity, self.settings.min_share * to_own_name)
-
     def _viewed(self, instance_map: InstanceMap) -> MapView:
         """The map prepared for questions; kept while the same map is asked."""
         if self._view is None or self._view.map is not instance_map or len(self._view) != len(instance_map):
@@ -166,7 +165,13 @@ class Grounder:
         if not self.settings.parse:
             return Description(kind="object_goal", target=Thing(phrase=instruction, queries=((instruction, 0.0),)))
         if self.llm is not None:
-            reply = self._ask("parse", dialogue.parse_messages(instruction), dialogue.PARSE_SCHEMA, budget, trace)
+            reply = self._ask(
+                "parse",
+                dialogue.parse_messages(instruction, self.settings.prompts),
+                dialogue.PARSE_SCHEMA,
+                budget,
+                trace,
+            )
             if reply is not None:
                 return dialogue.description_from_reply(reply, self._interpreter.nouns, self._lexicon)
         description = self._interpreter.parse(instruction)
@@ -231,7 +236,7 @@ class Grounder:
         trace: dict[str, Any],
     ) -> tuple[list[int], int | None, float]:
         """The model's choice moves to the front; without a reply everything stays as it was."""
-        messages = dialogue.select_messages(instruction, description, candidates)
+        messages = dialogue.select_messages(instruction, description, candidates, self.settings.prompts)
         reply = self._ask("select", messages, dialogue.select_schema(len(candidates)), budget, trace)
         if reply is None:
             return order, chosen, confidence
@@ -258,10 +263,30 @@ def _order(values: np.ndarray[Any, np.dtype[np.float64]], view: MapView) -> list
     return [int(k) for k in np.lexsort((np.array(view.ids, np.int64), -values))] if len(view) else []
 
 
-def _confidence(scores: Scores, order: list[int]) -> float:
-    """How well the best one fits, squashed: 0.5 where similarity less what conditions cost is 0.45; for needs its chance."""
+NAMED = (0.78, 0.07)
+"""Where a named thing is as probably here as not, and the width of the slope: logistic regression over the true maps of homes, asked
+for things that they have and for things that only other homes have."""
+NEEDED = (math.log(0.05), 0.8)
+"""The same for the logarithm of the chance that a need is served."""
+LEAST_OWN = 0.35
+"""An instance is likened to its own name at least this much: a feature that is like nothing makes nobody sure."""
+
+
+def _confidence(scores: Scores, order: list[int], view: MapView) -> float:
+    """Probability that what was asked for is in the map, 0..1.
+
+    Of a named thing: how like the name the first of the ranking is, as a share of how like its own likeliest name it is (features
+    of real pictures are less like any name), less what conditions cost it. Of a need: the chance that it is served.
+    """
     if not order:
         return 0.0
     if scores.chance is not None:
-        return scores.chance
-    return float(1 / (1 + np.exp(-(scores.total[order[0]] - 0.45) / 0.1)))
+        return _logistic(math.log(max(scores.chance, 1e-9)), NEEDED)
+    first = order[0]
+    share = scores.fit[first] / max(float(view.best[first]), LEAST_OWN)
+    return _logistic(float(share + scores.total[first] - scores.fit[first]), NAMED)
+
+
+def _logistic(value: float, centre_width: tuple[float, float]) -> float:
+    centre, width = centre_width
+    return float(1 / (1 + math.exp(min((centre - value) / width, 500.0))))
