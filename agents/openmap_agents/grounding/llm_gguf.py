@@ -246,7 +246,8 @@ def _load(path: Path, context: int) -> Any:
     parameters.model.path = str(path)
     parameters.n_ctx, parameters.n_parallel = context, 1
     parameters.n_batch = parameters.n_ubatch = BATCH
-    threads = int(os.environ.get("OMP_NUM_THREADS") or 0) or len(os.sched_getaffinity(0))
+    wanted = os.environ.get("OMP_NUM_THREADS", "")
+    threads = int(wanted) if wanted.isdecimal() and int(wanted) > 0 else len(os.sched_getaffinity(0))
     parameters.cpuparams.n_threads = parameters.cpuparams_batch.n_threads = threads
     parameters.warmup, parameters.verbosity = False, -1
     # What was read for another question would change how numbers are rounded, and with it, now and then, a word.
