@@ -1,7 +1,8 @@
 """The agent of the paper: it explores, builds the instance map while it walks, and answers from the map.
 
 ``retrieval``: it explores once for each episode frame; a later episode in the same frame is answered at once. ``navigation``:
-it explores, grounds the instruction, walks to the chosen instance and stops there. It reads nothing but observations.
+it explores until all is seen or more looking would not change the answer (``stopping.py``), grounds the instruction, walks to
+where the chosen instance is in plain sight from beside it, and stops there. It reads nothing but observations.
 """
 
 from __future__ import annotations
@@ -14,16 +15,16 @@ from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-from scipy.spatial import cKDTree
 
 from openmap_agents.agent import Answer, Observation
 from openmap_agents.colour_votes import ColourVotes
-from openmap_agents.exploration import Explorer, ExplorerSettings, OccupancyMap
+from openmap_agents.exploration import Explorer, ExplorerSettings, OccupancyMap, standing_place
 from openmap_agents.grounding import Grounder, Grounding
 from openmap_agents.mapping import InstanceMap, MapInstance, MappingSettings, OpenMapper
 from openmap_agents.naming import Naming
 from openmap_agents.perception import Encoder, Masks, Segmenter
 from openmap_agents.perception.specs import check_feature_length, check_text_space
+from openmap_agents.stopping import EarlyStop, StopSettings
 from openmap_env.actions import Action
 from openmap_scenes import PinholeCamera
 
@@ -41,6 +42,8 @@ class OpenMapAgentSettings:
     """... or its camera has turned by more than this."""
     arm: float = 0.1
     """Places to stand this much farther from the chosen instance than the nearest one count as beside it, m."""
+    stop: StopSettings = field(default_factory=StopSettings)
+    """When exploration ends before all is seen (navigation)."""
     explorer: ExplorerSettings = field(default_factory=ExplorerSettings)
     mapping: MappingSettings = field(default_factory=MappingSettings)
     max_walk: int = 150
@@ -88,6 +91,7 @@ class OpenMapAgent:
         self._seed = int((rng if rng is not None else np.random.default_rng(0)).integers(2**32))
         self._frame: str | None = None
         self._naming = Naming(encoder, made_by)
+        self._on_the_way: Grounder | None = None
         self._forget()
 
     def _forget(self) -> None:
@@ -108,6 +112,8 @@ class OpenMapAgent:
         self._instruction = instruction
         self._grounding: Grounding | None = None
         self._walked = 0
+        self._early = EarlyStop(self.settings.stop)
+        self._stopped_early = False
         self.explorer.walker.lift()
 
     @property
@@ -133,6 +139,8 @@ class OpenMapAgent:
             self._forget()
         elif self.settings.protocol == "retrieval" and self.keyframes and self._final is None:
             self.finish_map()  # The episode before was cut off while exploring: what it saw is what there is.
+        elif self._stopped_early:
+            self._final = None  # What was enough for the instruction before may not be for this one.
         self._begin(str(observation["instruction"]))
 
     def act(self, observation: Observation) -> int:
@@ -141,7 +149,7 @@ class OpenMapAgent:
             return int(Action.STOP)
         self._see(observation)
         if self._final is None:
-            action = self.explorer.next_action()
+            action = None if self._may_stop() else self.explorer.next_action()
             if action is not None:
                 return int(action)
             self.finish_map()
@@ -160,6 +168,8 @@ class OpenMapAgent:
             "instances": len(instance_map),
             "keyframes": self.keyframes,
             "steps": self.explorer.steps,
+            "stopped_early": self._stopped_early,
+            "asked_on_the_way": self._early.asked,
         }
         return Answer(positions, [i.label for i in ranked], trace)
 
@@ -187,6 +197,22 @@ class OpenMapAgent:
         self._frame = episode_frame
         self._forget()
         self._final = instance_map
+
+    def _may_stop(self) -> bool:
+        """Whether more looking would not change the answer (navigation)."""
+        if self.settings.protocol != "navigation" or self._stopped_early or not self._early.due(self.keyframes):
+            return False
+        so_far = self._naming.finish(self.mapper.instance_map, self._colours)
+        # A language model is asked once an episode, for its answer: on the way the built-in interpreter is.
+        grounding = self._scout().ground(self._instruction, so_far)
+        self._stopped_early = self._early.settled(grounding, so_far, self.keyframes)
+        return self._stopped_early
+
+    def _scout(self) -> Grounder:
+        if self._on_the_way is None:
+            asks_a_model = getattr(self.grounder, "llm", None) is not None
+            self._on_the_way = Grounder(None, encoder=self.encoder) if asks_a_model else self.grounder
+        return self._on_the_way
 
     def _see(self, observation: Observation) -> None:
         """Occupancy from every observation, instances from keyframes."""
@@ -231,12 +257,9 @@ class OpenMapAgent:
     def _towards(self, instance: MapInstance) -> Action | None:
         walker = self.explorer.walker
         ways = walker.ways()
-        reachable = np.argwhere(np.isfinite(ways.distance))
-        places = (reachable[:, ::-1] + 0.5) * self.occupancy.resolution + self.occupancy.origin
-        gap, _ = cKDTree(instance.points[:, [0, 2]]).query(places)
-        beside = reachable[gap <= gap.min() + self.settings.arm]
-        best = beside[np.argmin(ways.distance[beside[:, 0], beside[:, 1]])]
-        if action := walker.follow(ways, (int(best[0]), int(best[1]))):
+        tall = self.settings.explorer.tall
+        found = standing_place(self.occupancy, ways, instance.points, arm=self.settings.arm, tall=tall)
+        if found is not None and (action := walker.follow(ways, found[0])):
             return action
         x, _, z = instance.centre.tolist()
         return walker.turn_towards(math.atan2(walker.x - x, walker.z - z))

@@ -3,6 +3,7 @@
 from openmap_agents.exploration.explorer import Explorer, ExplorerSettings
 from openmap_agents.exploration.occupancy import FREE, OCCUPIED, UNKNOWN, OccupancyMap, OccupancySettings
 from openmap_agents.exploration.planner import PlannerSettings
+from openmap_agents.exploration.standing import standing_place
 from openmap_agents.exploration.walker import Walker, WalkerSettings
 
 __all__ = [
@@ -16,4 +17,5 @@ __all__ = [
     "PlannerSettings",
     "Walker",
     "WalkerSettings",
+    "standing_place",
 ]

@@ -88,6 +88,11 @@ def in_view(
     )  # fmt: skip
 
 
+def sees(place: Cell, target: Cell, opaque: npt.NDArray[np.bool_]) -> bool:
+    """Whether nothing tall stands on the line between two cells; the last two cells before the target are left out."""
+    return bool(_sees(place[0], place[1], target[0], target[1], opaque))
+
+
 def _sided(beyond: npt.NDArray[np.float32] | None, n: int) -> npt.NDArray[np.float32]:
     return np.zeros((n, 2), np.float32) if beyond is None else np.ascontiguousarray(beyond, np.float32)
 
