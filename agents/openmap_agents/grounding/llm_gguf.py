@@ -247,8 +247,10 @@ def _load(path: Path, context: int) -> Any:
     parameters.n_ctx, parameters.n_parallel = context, 1
     parameters.n_batch = parameters.n_ubatch = BATCH
     wanted = os.environ.get("OMP_NUM_THREADS", "")
-    threads = int(wanted) if wanted.isdecimal() and int(wanted) > 0 else len(os.sched_getaffinity(0))
+    threads = int(wanted) if wanted.isdecimal() and int(wanted) > 0 else max(1, len(os.sched_getaffinity(0)) // 2)
     parameters.cpuparams.n_threads = parameters.cpuparams_batch.n_threads = threads
+    # Threads that wait by spinning take the time of those that compute where the machine is shared.
+    parameters.cpuparams.poll = parameters.cpuparams_batch.poll = 0
     parameters.warmup, parameters.verbosity = False, -1
     # What was read for another question would change how numbers are rounded, and with it, now and then, a word.
     parameters.cache_prompt, parameters.cache_ram_mib, parameters.n_ctx_checkpoints = False, 0, 0
