@@ -263,10 +263,10 @@ def _order(values: np.ndarray[Any, np.dtype[np.float64]], view: MapView) -> list
     return [int(k) for k in np.lexsort((np.array(view.ids, np.int64), -values))] if len(view) else []
 
 
-NAMED = (0.78, 0.07)
-"""Where a named thing is as probably here as not, and the width of the slope: logistic regression over the true maps of homes, asked
-for things that they have and for things that only other homes have."""
-NEEDED = (math.log(0.05), 0.8)
+NAMED = (0.71, 0.075)
+"""Where a named thing is as probably here as not, and the width of the slope: logistic regression over the true maps of ten homes,
+asked for what they have and, as often, for what only other homes have."""
+NEEDED = (-2.83, 1.13)
 """The same for the logarithm of the chance that a need is served."""
 LEAST_OWN = 0.35
 """An instance is likened to its own name at least this much: a feature that is like nothing makes nobody sure."""
@@ -283,7 +283,8 @@ def _confidence(scores: Scores, order: list[int], view: MapView) -> float:
     if scores.chance is not None:
         return _logistic(math.log(max(scores.chance, 1e-9)), NEEDED)
     first = order[0]
-    share = scores.fit[first] / max(float(view.best[first]), LEAST_OWN)
+    # "The blue thing" has no name to be like.
+    share = scores.fit[first] / max(float(view.best[first]), LEAST_OWN) if np.ptp(scores.fit) > 0 else 1.0
     return _logistic(float(share + scores.total[first] - scores.fit[first]), NAMED)
 
 
