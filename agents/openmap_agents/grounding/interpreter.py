@@ -270,6 +270,7 @@ class Interpreter:
         target: Thing | None = None
         said: list[str] = []
         avoid: list[Thing] = []
+        asked_for = False
         for clause in clauses:
             if len(clauses) > 1 and self._frame.issuperset(words_of(clause.text)):
                 continue
@@ -286,8 +287,9 @@ class Interpreter:
             thing = None if asked else self._wanted(clause)
             if thing is None:
                 said.append(clause.text)
-            elif target is None:
-                target = thing
+            elif target is None or (clause.motion == "goal" and not asked_for):
+                # What is asked for with a verb counts more than what is only mentioned.
+                target, asked_for = thing, clause.motion == "goal"
         needs, where = self._needs(said)
         kind: Kind = "demand" if needs or target is None else "object_goal"
         if target is not None and where is not None and not target.room:

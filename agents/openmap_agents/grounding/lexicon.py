@@ -41,9 +41,15 @@ def singular(word: str) -> str:
     return word
 
 
+_CONTRACTED = re.compile(r"\b(is|are|was|were|do|does|did|ca|wo|could|would|should|have|has|had)nt\b")
+_IS = re.compile(r"\b(where|what|there|that|who)s\b")
+_I = re.compile(r"\bi(m|ve)\b")
+
+
 def normalised(text: str) -> str:
-    """Lower case, plain quotes, single blanks; sentence punctuation stays."""
+    """Lower case, plain quotes, apostrophes where they were left out, single blanks; sentence punctuation stays."""
     text = text.lower().replace("’", "'").replace("‘", "'").replace("“", '"').replace("”", '"')
+    text = _I.sub(r"i'\1", _IS.sub(r"\1's", _CONTRACTED.sub(r"\1n't", text)))
     return re.sub(r"\s+", " ", text).strip()
 
 

@@ -152,6 +152,9 @@ class NounPhrases:
         rest = [w for w in words if w not in self.articles]
         start, stop = self._name_span(rest)
         name, modifiers = rest[start:stop], rest[:start]
+        if rest[stop:] and rest[-1] in self.generic:
+            # "the wardrobe, the smaller one"
+            modifiers = modifiers + [word for word in rest[stop:-1] if self.is_attribute(word)]
         colour: str | None = None
         superlative: Superlative | None = None
         strict = False
