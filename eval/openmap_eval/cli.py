@@ -1,7 +1,7 @@
 """The command line.
 
-``openmap eval | eval perception | eval mapping | eval exploration | demo | map | query | export | ap | scenes | episodes | bench
-| train perception``.
+``openmap eval | eval perception | eval mapping | eval exploration | eval grounding | demo | map | query | export | ap
+| scenes | episodes | bench | train perception``.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from openmap_eval.bench import Benchmark
 from openmap_eval.episode_commands import EpisodeCommand
 from openmap_eval.exploration.command import EvalExploration
 from openmap_eval.export_command import Export
+from openmap_eval.grounding.command import EvalGrounding
 from openmap_eval.map_command import Map
 from openmap_eval.mapping.command import EvalMapping
 from openmap_eval.perception.command import EvalPerception
@@ -158,6 +159,7 @@ Command = (
     | Annotated[EvalPerception, tyro.conf.subcommand("eval perception")]
     | Annotated[EvalMapping, tyro.conf.subcommand("eval mapping")]
     | Annotated[EvalExploration, tyro.conf.subcommand("eval exploration")]
+    | Annotated[EvalGrounding, tyro.conf.subcommand("eval grounding")]
     | Annotated[Demo, tyro.conf.subcommand("demo")]
     | Annotated[Map, tyro.conf.subcommand("map")]
     | Annotated[Query, tyro.conf.subcommand("query")]
@@ -170,12 +172,21 @@ Command = (
 )
 
 
+OF_TWO_WORDS = (
+    ["eval", "perception"],
+    ["eval", "mapping"],
+    ["eval", "exploration"],
+    ["eval", "grounding"],
+    ["train", "perception"],
+)
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Run the command line; bad input ends in one message and exit status 2, without a traceback."""
     logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s", stream=sys.stderr)
     console = Console()
     arguments = list(sys.argv[1:] if arguments is None else arguments)
-    if arguments[:2] in (["eval", "perception"], ["eval", "mapping"], ["eval", "exploration"], ["train", "perception"]):
+    if arguments[:2] in OF_TWO_WORDS:
         # A command of its own: ``eval`` has flags, and so no commands below it.
         arguments[:2] = [" ".join(arguments[:2])]
     command: (
@@ -183,6 +194,7 @@ def main(arguments: list[str] | None = None) -> None:
         | EvalPerception
         | EvalMapping
         | EvalExploration
+        | EvalGrounding
         | Demo
         | Map
         | Query

@@ -1,0 +1,1 @@
+"""Grounding alone: questions to maps without a walk and without perception."""
