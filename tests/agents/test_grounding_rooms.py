@@ -47,3 +47,9 @@ def test_nothing_known() -> None:
     instance_map, _ = house(doorway=0.9)
     assert not rooms_of(instance_map, np.zeros(9, bool)).any()
     assert not len(rooms_of(InstanceMap([]), np.zeros(0, bool)))
+
+
+def test_a_point_gone_astray_costs_no_memory() -> None:
+    instance_map, walls = house(doorway=0.9)
+    astray = block(10, (90_000, 1, 90_000), (90_000.1, 1.1, 90_000.1))
+    assert not rooms_of(InstanceMap([*instance_map.instances, astray]), np.append(walls, True)).any()

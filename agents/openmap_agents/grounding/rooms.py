@@ -22,6 +22,8 @@ WALL_FROM, WALL_TO = 0.3, 2.4
 """Heights above the floor between which points speak of walls, m ..."""
 WALL_RISE = 1.0
 """... if those of one cell span this much, m."""
+MOST_CELLS = 4_000_000
+"""A plan of more cells (200 m x 200 m) is that of no home, but of points gone astray: then nothing is claimed."""
 LEAST_ROOM = 1.0
 """m^2 of core floor."""
 MARGIN = 1.0
@@ -45,12 +47,17 @@ def rooms_of(instance_map: InstanceMap, walls: npt.NDArray[np.bool_]) -> npt.NDA
     if not built:
         return rooms
     points = np.concatenate(built).astype(np.float64)
+    points = points[np.isfinite(points).all(1)]
+    if not len(points):
+        return rooms
     height = points[:, 1] - np.percentile(points[:, 1], 2)
     upright = points[(height > WALL_FROM) & (height < WALL_TO)]
     if not len(upright):
         return rooms
     origin = points[:, [0, 2]].min(0) - MARGIN
-    x, z = ((points[:, [0, 2]].max(0) + MARGIN - origin) / CELL).astype(int) + 1
+    x, z = ((points[:, [0, 2]].max(0) + MARGIN - origin) / CELL).astype(np.int64) + 1
+    if x * z > MOST_CELLS:
+        return rooms
     pieces = _pieces(_wall_cells(upright, origin, (int(x), int(z))))
     outdoors = pieces[0, 0]
     for n, instance in enumerate(instance_map.instances):
