@@ -62,4 +62,4 @@ def _points(corners: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     _, first = np.unique(cells, axis=0, return_index=True)
     # The corners that span the box stay, whatever square they share.
     ends = np.concatenate([stacked.argmin(0), stacked.argmax(0)])
-    return stacked[np.union1d(first, ends)]
+    return np.asarray(stacked[np.union1d(first, ends)], np.float32)
