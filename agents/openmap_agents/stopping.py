@@ -2,8 +2,8 @@
 
 The map so far is asked every few keyframes. Exploration ends when the same instance was chosen so many times running, each
 time with enough confidence, was seen in enough frames, and nothing that was said compares it with things not seen yet: the
-largest, the second, the one by the door and the one of a told way are only known once all are. A need may be served by
-something better elsewhere, so it has to be surer.
+largest, the second, the one closest to the door and the one that is not by the sofa are only known once all are. A need may be
+served by something better elsewhere, and a relation or a told way may fit another thing better, so these have to be surer.
 """
 
 from __future__ import annotations
@@ -16,6 +16,9 @@ import numpy as np
 from openmap_agents.grounding import Grounding
 from openmap_agents.mapping import InstanceMap
 
+COMPARING = ("closest", "farthest", "away")
+"""Relations that hold for one thing because they hold less for all others."""
+
 
 @dataclass(frozen=True)
 class StopSettings:
@@ -23,8 +26,8 @@ class StopSettings:
 
     confidence: float = 0.0
     """The grounding's confidence from which on an answer may end exploration; 0 = never: all is explored first."""
-    need_margin: float = 0.5
-    """For needs, this share of what the confidence lacks to 1 is asked on top."""
+    margin: float = 0.5
+    """For needs, relations and ways, this share of what the confidence lacks to 1 is asked on top."""
     views: int = 3
     """Frames in which the chosen instance was seen, at least."""
     times: int = 2
@@ -76,10 +79,13 @@ class EarlyStop:
     def needed(self, description: dict[str, Any]) -> float | None:
         """The confidence asked for what was said (``Description.to_json``); None = all must be seen first."""
         target = description.get("target") or {}
-        if any(target.get(name) for name in ("superlative", "ordinal", "relations")) or description.get("route"):
+        relations = target.get("relations") or []
+        compared = any(r.get("negated") or r.get("name") in COMPARING for r in relations)
+        if compared or description.get("avoid") or any(target.get(name) for name in ("superlative", "ordinal")):
             return None
         enough = self.settings.confidence
-        return enough + self.settings.need_margin * (1.0 - enough) if description.get("needs") else enough
+        surer = relations or description.get("needs") or description.get("route")
+        return enough + self.settings.margin * (1.0 - enough) if surer else enough
 
 
 def _frames(views: np.ndarray[Any, Any] | None) -> int:

@@ -57,9 +57,11 @@ class Eval:
     """Instead of --perception's: any of those, clip-onnx:<folder>, or openclip:<architecture>/<tag>. Features from disk may
     need the words of the model that made them: precomputed:<folder>?text=clip-onnx:<folder>."""
     llm: str = "builtin"
-    """builtin, or openai:<model>@<base url> for any OpenAI-compatible endpoint."""
+    """builtin, openai:<model>@<base url> for any OpenAI-compatible endpoint, or gguf:<file> for a local model (extra gguf)."""
     protocol: Literal["retrieval", "navigation"] = "retrieval"
     """Explore once and answer everything, or every episode by itself."""
+    stop_confidence: float = 0.0
+    """In navigation: explore no further once the same answer was this sure (0..1) twice running; 0 = explore to the end."""
     seed: int = 0
     """Draws episodes and everything that an agent draws."""
     renderer: str = "auto"

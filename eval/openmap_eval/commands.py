@@ -32,6 +32,7 @@ def run_eval(command: Eval, console: Console) -> None:
         encoder=command.encoder,
         llm=command.llm,
         protocol=command.protocol,
+        stop_confidence=command.stop_confidence,
         seed=command.seed,
         renderer=command.renderer,
         width=command.width,

@@ -47,6 +47,7 @@ class EvalSettings:
     encoder: str | None = None
     llm: str = "builtin"
     protocol: Literal["retrieval", "navigation"] = "retrieval"
+    stop_confidence: float = 0.0
     seed: int = 0
     renderer: str = "auto"
     width: int = 640
@@ -111,6 +112,8 @@ def evaluate(
     ValueError
         A setting cannot be used; specs are looked at before anything is loaded.
     """
+    if not 0.0 <= settings.stop_confidence <= 1.0:
+        raise ValueError(f"stop_confidence is {settings.stop_confidence}, expected 0 to 1")
     asked = described(settings)
     out.mkdir(parents=True, exist_ok=True)
     records = RecordFile(out / "episodes.jsonl")
@@ -184,6 +187,12 @@ def _bare(env: gym.Env[Any, Any]) -> OpenMapNavEnv:
 def _enter(env: gym.Env[Any, Any], task: SceneTask, settings: EvalSettings) -> tuple[Agent, list[Episode]]:
     """Load the scene; the agent for it and all of the task's episodes."""
     env.reset(seed=settings.seed)
+    agent_settings = None
+    if settings.stop_confidence > 0:
+        from openmap_agents.openmap_agent import OpenMapAgentSettings
+        from openmap_agents.stopping import StopSettings
+
+        agent_settings = OpenMapAgentSettings(stop=StopSettings(confidence=settings.stop_confidence))
     agent = make_agent(
         settings.agent,
         env,
@@ -193,6 +202,7 @@ def _enter(env: gym.Env[Any, Any], task: SceneTask, settings: EvalSettings) -> t
         llm=settings.llm,
         protocol=settings.protocol,
         seed=settings.seed,
+        settings=agent_settings,
     )
     episodes = _bare(env).episodes
     return agent, evenly(episodes, task.episodes) if isinstance(task.episodes, int) else episodes

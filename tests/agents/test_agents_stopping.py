@@ -42,11 +42,22 @@ def test_it_stops_once_the_same_answer_came_twice_and_never_when_off():
         (0.99, 5, {"target": {"phrase": "bed", "superlative": "largest"}}),
         (0.99, 5, {"target": {"phrase": "bed", "ordinal": 2}}),
         (0.8, 5, {"needs": ["I am tired"]}),
+        (0.8, 5, {"target": {"phrase": "bed", "relations": [{"name": "near"}]}}),
+        (0.8, 5, {"target": {"phrase": "bed"}, "route": [{"motion": "leave", "room": "hallway"}]}),
+        (0.99, 5, {"target": {"phrase": "bed", "relations": [{"name": "near", "negated": True}]}}),
+        (0.99, 5, {"target": {"phrase": "bed", "relations": [{"name": "closest"}]}}),
+        (0.99, 5, {"needs": ["I am tired"], "avoid": [{"phrase": "sofa"}]}),
     ],
 )
 def test_it_goes_on_while_something_better_may_come(confidence, frames, description):
     early = EarlyStop(StopSettings(confidence=0.7))
     assert not any(early.settled(answer(confidence, **description), a_map(frames), 10 * k) for k in range(1, 6))
+
+
+def test_a_relation_needs_more_confidence_than_a_name():
+    early = EarlyStop(StopSettings(confidence=0.7))
+    assert early.needed({"target": {"phrase": "bed"}}) == pytest.approx(0.7)
+    assert early.needed({"target": {"phrase": "bed", "relations": [{"name": "near"}]}}) == pytest.approx(0.85)
 
 
 def test_the_body_stands_on_the_side_of_the_wall_from_which_the_thing_is_seen():

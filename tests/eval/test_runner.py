@@ -108,6 +108,7 @@ def test_other_perception_does_not_mix_with_what_is_there_but_another_way_to_say
         ({"segmenter": "oracle:split=3"}, "split 0..1"),
         ({"segmenter": "sam:/no/such.onnx"}, "/no/such.onnx"),
         ({"encoder": "sam:/no/such.onnx"}, "is no encoder"),
+        ({"stop_confidence": 1.5}, "stop_confidence is 1.5"),
     ],
 )
 def test_a_bad_spec_is_refused_before_a_home_is_loaded(tmp_path, toy_specs, monkeypatch, chosen, message):
