@@ -130,6 +130,17 @@ def test_an_empty_map_has_no_choice(grounder: Grounder) -> None:
         assert (grounding.ranking, grounding.choice, grounding.confidence) == ([], None, 0.0)
 
 
+@pytest.mark.parametrize("feature", [None, np.full(512, np.nan, np.float32)])
+def test_nothing_is_sure_of_an_instance_without_a_feature(grounder: Grounder, feature: npt.NDArray[np.float32]) -> None:
+    alone = InstanceMap([MapInstance(1, CORNERS.astype(np.float32), feature)])
+    for instruction in ("find the chair", "I am thirsty", "", "anything but the chair, I want to sit"):
+        assert grounder.ground(instruction, alone).choice is None
+
+
+def test_what_is_ruled_out_of_an_empty_map(grounder: Grounder) -> None:
+    assert grounder.ground("anything but the chair, I want to sit", InstanceMap([])).ranking == []
+
+
 def test_what_is_not_there_is_not_chosen(grounder: Grounder, room: InstanceMap) -> None:
     grounding = grounder.ground("find the zeppelin", room)
     assert grounding.choice is None

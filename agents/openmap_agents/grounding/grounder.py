@@ -283,8 +283,7 @@ def _confidence(scores: Scores, order: list[int], view: MapView) -> float:
     if scores.chance is not None:
         return _logistic(math.log(max(scores.chance, 1e-9)), NEEDED)
     first = order[0]
-    # "The blue thing" has no name to be like.
-    share = scores.fit[first] / max(float(view.best[first]), LEAST_OWN) if np.ptp(scores.fit) > 0 else 1.0
+    share = scores.fit[first] / max(float(view.best[first]), LEAST_OWN) if scores.named else 1.0
     return _logistic(float(share + scores.total[first] - scores.fit[first]), NAMED)
 
 

@@ -154,12 +154,15 @@ class Scores:
         Condition -> (N,) 0..1, for the trace.
     chance : float, optional
         Probability that the first is right, for a ranking that comes with one.
+    named : bool
+        False for "the blue thing", which has no name to be like.
     """
 
     fit: Array
     total: Array
     parts: dict[str, Array] = field(default_factory=dict)
     chance: float | None = None
+    named: bool = True
 
     def apply(self, name: str, score: Array, weight: float = 1.0) -> None:
         """Take off what a condition that holds to ``score`` costs."""
@@ -222,7 +225,7 @@ def _score_thing(thing: Thing, view: MapView, depth: int = 0) -> Scores:
         telling = tuple((name, 0.2 * (1 - weight)) for name, weight in view.lexicon.rooms[thing.room].items())
         scores = _from_fit(view, view.similarity(telling), telling)
     else:
-        scores = _from_fit(view, np.full(len(view), 0.5), ())
+        scores = replace(_from_fit(view, np.full(len(view), 0.5), ()), named=False)
     if thing.colour:
         scores.apply(f"colour {thing.colour}", np.array([fits[thing.colour] for fits in view.colour_fits]))
     if thing.not_colour:
@@ -246,6 +249,8 @@ def _landmark_weights(thing: Thing, owner: Thing | None, view: MapView, depth: i
     """How surely every instance is the landmark, 1 for the best."""
     if owner is not None and owner.room and not thing.room:
         thing = replace(thing, room=owner.room)
+    if not len(view):
+        return np.zeros(0)
     total = _score_thing(thing, view, depth + 1).total
     return np.asarray(np.exp((total - total.max()) / TEMPERATURE))
 
