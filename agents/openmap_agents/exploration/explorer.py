@@ -12,6 +12,7 @@ its steps are spent.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -71,6 +72,10 @@ class ExplorerSettings:
     walker: WalkerSettings = field(default_factory=WalkerSettings)
 
 
+Interest = Callable[[npt.NDArray[np.float64], npt.NDArray[np.bool_]], npt.NDArray[np.float32]]
+"""From places (n, 2) x, z m and whether each is a frontier to factors (n,) on what a look at them is worth."""
+
+
 @dataclass(frozen=True)
 class Targets:
     """Cells that deserve a look: (m, 2) int64 cells, (m,) weights, (m,) reach m, (m,) whether a frontier; and (m, 2) the direction
@@ -111,6 +116,8 @@ class Explorer:
     done : bool
     look_around : int
         How many actions the look around at the start takes.
+    interest : Interest or None
+        What one is looking for may make some places worth more than others; None = all alike.
     """
 
     def __init__(self, settings: ExplorerSettings | None = None, rng: np.random.Generator | None = None) -> None:
@@ -118,6 +125,7 @@ class Explorer:
         self.occupancy = OccupancyMap(self.settings.occupancy)
         self.walker = Walker(self.occupancy, self.settings.walker, rng)
         self.goal: Goal | None = None
+        self.interest: Interest | None = None
         self.done = False
         self.steps = 0
         self._camera: PinholeCamera | None = None
@@ -174,6 +182,8 @@ class Explorer:
         cells, is_frontier = cells[keep], is_frontier[keep]
         near = o.seen_from[cells[:, 0], cells[:, 1]] <= s.surface_reach
         weights = np.where(is_frontier, 1.0, np.where(near, s.table_weight, s.surface_weight)).astype(np.float32)
+        if self.interest is not None and len(cells):
+            weights *= self.interest(np.array([o.place((int(i), int(j))) for i, j in cells]), is_frontier)
         reach = np.where(is_frontier, s.frontier_reach, 0.95 * near_enough[cells[:, 0], cells[:, 1]]).astype(np.float32)
         beyond = np.zeros((len(cells), 2), np.float32)
         beyond[is_frontier] = beyond_frontier(ways.grid, cells[is_frontier])
